@@ -88,7 +88,8 @@ pub fn object(
     let (mut state, mut scores) =
         (ready.no_state(), Scores { object: k, rounds: Vec::new(), images: Vec::new() });
     for (round, set) in inputs.chunks(SET).enumerate() {
-        let read: Vec<Input> = set.iter().map(|i| Input::of(&small.all[*i], ready.config.is_whole)).collect();
+        let read: Vec<Input> =
+            set.iter().map(|i| Input::of(&small.all[*i], &small.placement, ready.config.is_whole)).collect();
         state = ready.read(&state, &read, None).0;
         let field = ready.decode(&state, look, views.placement);
         let so_far: Vec<&View> = inputs[..SET * (round + 1)].iter().map(|i| &views.all[*i]).collect();

@@ -8,6 +8,7 @@
 //! truth     object and light as files
 //! views     the images of one object in memory: rendered by index, or read from a capture
 //! model     the transformer that turns images into a field      train     its stages
+//! reading   images of a capture as the model reads them, set by set
 //! evaluate  scores of a model on unseen objects                  baselines what it has to beat
 //! ```
 #![forbid(unsafe_code)]
@@ -20,6 +21,7 @@ pub mod evaluate;
 mod folder;
 pub mod r#gen;
 pub mod model;
+pub mod reading;
 mod settings;
 mod shots;
 pub mod subject;

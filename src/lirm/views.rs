@@ -7,7 +7,7 @@
 //!
 //! An object that is rendered in memory has the pixels of the same object on disk: 8 bits for images, foreground, albedo and
 //! materials, single precision for the other passes (`tests/systems/lirm_views.rs` compares both). All images get a common
-//! exposure ([`crate::fit::exposure`]), the photographs behind the object too.
+//! exposure ([`crate::fit::exposure`]), the photos with what is behind the object too.
 
 use super::r#gen::in_memory;
 use super::settings::Settings;
@@ -27,7 +27,7 @@ pub struct View {
     /// Colours over white, foreground and passes.
     pub picture: Picture,
     /// (H, W, 3) the image with what is behind the object, sRGB-encoded, in the common exposure.
-    pub photograph: Vec<f32>,
+    pub photo: Vec<f32>,
 }
 
 /// The images of one object under one light.
@@ -39,8 +39,8 @@ pub struct Views {
     pub placement: Placement,
 }
 
-/// The photographs of pictures, in the exposure that these have been given: a factor from radiance.
-fn photographs(rgb: &[&[u8]], pictures: &[Picture], factor: f64) -> Result<Vec<Vec<f32>>> {
+/// The photos in the exposure that their images over white have been given: a factor from radiance.
+fn photos(rgb: &[&[u8]], pictures: &[Picture], factor: f64) -> Result<Vec<Vec<f32>>> {
     let one = |(rgb, p): (&&[u8], &Picture)| {
         let values: Vec<f32> = rgb.iter().map(|b| f32::from(*b) / 255.0).collect();
         let color = values.as_chunks::<3>().0.to_vec();
@@ -76,18 +76,18 @@ impl Views {
     pub fn of_capture(from: &Pictures, which: &[usize], placement: Placement) -> Result<Self> {
         let pictures: Vec<Picture> = which.iter().map(|i| from.pictures[*i].clone()).collect();
         let rgb: Vec<&[u8]> = which.iter().map(|i| &*from.views.views[*i].rgb).collect();
-        let photographs = photographs(&rgb, &pictures, from.exposure)?;
-        let all = pictures.into_iter().zip(photographs);
-        Ok(Self { all: all.map(|(picture, photograph)| View { picture, photograph }).collect(), placement })
+        let photos = photos(&rgb, &pictures, from.exposure)?;
+        let all = pictures.into_iter().zip(photos);
+        Ok(Self { all: all.map(|(picture, photo)| View { picture, photo }).collect(), placement })
     }
 
-    /// Gives pictures a common exposure, and their photographs with them; the object is in the ball of radius ½.
+    /// Gives images a common exposure, and their photos with them; the object is in the ball of radius ½.
     fn of(rgb: &[&[u8]], mut pictures: Vec<Picture>) -> Result<Self> {
         let factor = targets::expose(&mut pictures, None)?;
-        let photographs = photographs(rgb, &pictures, factor)?;
-        let all = pictures.into_iter().zip(photographs);
+        let photos = photos(rgb, &pictures, factor)?;
+        let all = pictures.into_iter().zip(photos);
         Ok(Self {
-            all: all.map(|(picture, photograph)| View { picture, photograph }).collect(),
+            all: all.map(|(picture, photo)| View { picture, photo }).collect(),
             placement: Placement { center: [0.0; 3], scale: 1.0 },
         })
     }
@@ -125,11 +125,11 @@ impl Views {
             return self;
         }
         let scaled = |x: f32| order::min(factor * x, 1.0);
-        for View { picture, photograph } in &mut self.all {
+        for View { picture, photo } in &mut self.all {
             for (x, m) in picture.color.as_chunks_mut::<3>().0.iter_mut().zip(&picture.foreground) {
                 *x = x.map(|x| scaled(x - (1.0 - m)) + (1.0 - m));
             }
-            let pixels = photograph.as_chunks_mut::<3>().0.iter_mut().zip(&picture.foreground);
+            let pixels = photo.as_chunks_mut::<3>().0.iter_mut().zip(&picture.foreground);
             pixels.filter(|(_, m)| **m > 0.0).for_each(|(x, _)| *x = x.map(scaled));
         }
         self
@@ -145,10 +145,51 @@ impl Views {
         Ok(Self { all, placement: self.placement })
     }
 
+    /// Cuts a square around the object out of every image and brings it to `side` pixels, averaging areas. Outside of an image is white
+    /// background. Passes are left out.
+    #[must_use]
+    pub fn cropped(&self, side: usize) -> Self {
+        let all = par::map(self.all.len(), |i| self.all[i].cropped(side));
+        Self { all, placement: self.placement }
+    }
+
     /// Returns an image in the units of the field, with all that is compared with it.
     pub fn target(&self, i: usize) -> Target {
         targets::target(&self.all[i].picture, &self.placement)
     }
+}
+
+/// Part of a row of pixels that output pixel `i` of `n` covers, for a window of `side` pixels from `first` on: indices and weights, which
+/// add up to 1.
+fn covered(first: i64, side: usize, n: usize, i: usize) -> Vec<(i64, f32)> {
+    let edge = |i: usize| i as f64 * side as f64 / n as f64;
+    let [from, to] = [edge(i), edge(i + 1)];
+    let last = Ord::max(to.ceil() as usize, from as usize + 1);
+    let part = |px: usize| order::min(to, px as f64 + 1.0) - order::max(from, px as f64);
+    (from as usize..last).map(|px| (first + px as i64, (part(px) / (to - from)) as f32)).collect()
+}
+
+/// The square window of an image from which its object is read: around the foreground, moved into the image where it fits.
+fn window(p: &Picture) -> ([i64; 2], usize) {
+    let (width, height) = (p.camera.width, p.camera.height);
+    let inside = (0..p.foreground.len()).filter(|i| p.foreground[*i] >= 0.5);
+    let start = ([usize::MAX; 2], [0; 2]);
+    let (low, high) = inside.fold(start, |(low, high), i| {
+        let at = [i % width, i / width];
+        let pick = |of: fn(usize, usize) -> usize, a: [usize; 2]| std::array::from_fn(|k| of(a[k], at[k]));
+        (pick(Ord::min, low), pick(Ord::max, high))
+    });
+    if low[0] > high[0] {
+        return ([0; 2], Ord::min(width, height));
+    }
+    let extent: [usize; 2] = std::array::from_fn(|k| high[k] - low[k] + 1);
+    let side = Ord::max(extent[0], extent[1]);
+    let place = |k: usize, size: usize| {
+        let centred = low[k] as i64 - (side - extent[k]) as i64 / 2;
+        // A window that is larger than the image stays centred: what lies outside is white.
+        if side <= size { centred.clamp(0, (size - side) as i64) } else { centred }
+    };
+    ([place(0, width), place(1, height)], side)
 }
 
 /// Means over blocks of `s`×`s` pixels of an image with `n` values per pixel.
@@ -167,8 +208,51 @@ fn means(x: &[f32], [width, height]: [usize; 2], n: usize, s: usize) -> Vec<f32>
 }
 
 impl View {
+    fn cropped(&self, n: usize) -> Self {
+        let Self { picture: p, photo } = self;
+        let (width, height) = (p.camera.width as i64, p.camera.height as i64);
+        let (corner, side) = window(p);
+        let spans =
+            |k: usize| -> Vec<Vec<(i64, f32)>> { (0..n).map(|i| covered(corner[k], side, n, i)).collect() };
+        let [columns, rows] = [spans(0), spans(1)];
+        let mean = |x: &[f32], channels: usize, outside: f32| -> Vec<f32> {
+            let mut out = vec![0.0; n * n * channels];
+            for (i, out) in out.chunks_exact_mut(channels).enumerate() {
+                for (y, wy) in &rows[i / n] {
+                    for (x_at, wx) in &columns[i % n] {
+                        let is_inside = (0..height).contains(y) && (0..width).contains(x_at);
+                        let at = if is_inside { (y * width + x_at) as usize * channels } else { 0 };
+                        for (k, out) in out.iter_mut().enumerate() {
+                            *out += wy * wx * if is_inside { x[at + k] } else { outside };
+                        }
+                    }
+                }
+            }
+            out
+        };
+        let factor = n as f32 / side as f32;
+        let camera = Camera {
+            width: n,
+            height: n,
+            focal_px: p.camera.focal_px.map(|f| f * factor),
+            center_px: std::array::from_fn(|k| (p.camera.center_px[k] - corner[k] as f32) * factor),
+            ..p.camera.clone()
+        };
+        let picture = Picture {
+            name: p.name.clone(),
+            camera,
+            color: mean(&p.color, 3, 1.0),
+            foreground: mean(&p.foreground, 1, 0.0),
+            kept: None,
+            colored: None,
+            passes: PassImages::default(),
+            environment: p.environment.clone(),
+        };
+        Self { picture, photo: mean(photo, 3, 1.0) }
+    }
+
     fn small(&self, s: usize) -> Result<Self> {
-        let Self { picture: p, photograph } = self;
+        let Self { picture: p, photo } = self;
         let (width, height) = (p.camera.width, p.camera.height);
         if !width.is_multiple_of(s) || !height.is_multiple_of(s) {
             return Err(Error::input(p.name.clone())
@@ -193,7 +277,7 @@ impl View {
             passes: if p.passes.width == 0 { PassImages::default() } else { p.passes.reduced(s) },
             environment: p.environment.clone(),
         };
-        Ok(Self { picture, photograph: means(photograph, size, 3, s) })
+        Ok(Self { picture, photo: means(photo, size, 3, s) })
     }
 }
 

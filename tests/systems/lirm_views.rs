@@ -39,7 +39,7 @@ fn an_object_in_memory_has_the_pixels_of_its_files() {
                 (&q.color, &q.foreground, &q.colored),
                 "{version}"
             );
-            assert_eq!((&p.passes, &a.photograph), (&q.passes, &b.photograph), "{version}");
+            assert_eq!((&p.passes, &a.photo), (&q.passes, &b.photo), "{version}");
             for (x, y) in p.camera.rotation.iter().flatten().zip(q.camera.rotation.iter().flatten()) {
                 assert!((x - y).abs() < 1e-6, "poses pass through text: {x} {y}");
             }

@@ -6,10 +6,10 @@ mod eval;
 mod fit;
 mod import;
 mod mesh;
-mod page;
-mod read;
+pub(super) mod page;
+pub(super) mod read;
 mod relight;
-mod scoring;
+pub(super) mod scoring;
 
 use crate::Result;
 use clap::Subcommand;

@@ -16,16 +16,16 @@ use std::path::Path;
 const SIDE: usize = 320;
 
 /// What is shown.
-pub(super) struct Input<'a> {
-    pub(super) kind: &'static str,
-    pub(super) title: String,
-    pub(super) digest: Option<String>,
+pub(crate) struct Input<'a> {
+    pub(crate) kind: &'static str,
+    pub(crate) title: String,
+    pub(crate) digest: Option<String>,
     /// See `fit::field::scores::means`.
-    pub(super) means: &'a Value,
-    pub(super) scored: &'a [Scores],
+    pub(crate) means: &'a Value,
+    pub(crate) scored: &'a [Scores],
     /// Scores of Stanford-ORB, relit images, shape.
-    pub(super) benchmark: Option<&'a Benchmark>,
-    pub(super) run: Run<'a>,
+    pub(crate) benchmark: Option<&'a Benchmark>,
+    pub(crate) run: Run<'a>,
 }
 
 /// The names of means, with their units and a factor.
@@ -44,7 +44,7 @@ const MEANS: [(&str, &str, &str); 11] = [
 ];
 
 /// The means as lines for a terminal.
-pub(super) fn summary(means: &Value) -> String {
+pub(crate) fn summary(means: &Value) -> String {
     let lines: Vec<String> = MEANS
         .iter()
         .filter_map(|(key, name, unit)| Some(format!("{name:18}  {:.4} {unit}", means[*key].as_f64()?)))
@@ -53,7 +53,7 @@ pub(super) fn summary(means: &Value) -> String {
 }
 
 /// Writes `heldout/NAME.png` and `normals/NAME.png`; gives the names.
-pub(super) fn write_renders(
+pub(crate) fn write_renders(
     dir: &Path,
     scored: &[Scores],
     flat_name: &dyn Fn(&str) -> String,
@@ -80,7 +80,7 @@ pub(super) fn write_renders(
 ///
 /// # Errors
 /// When an image cannot be encoded.
-pub(super) fn page(x: &Input<'_>) -> Result<Page> {
+pub(crate) fn page(x: &Input<'_>) -> Result<Page> {
     let mut facts = vec![("digest", x.digest.clone().unwrap_or_default())];
     facts.retain(|(_, value)| !value.is_empty());
     facts.extend(x.run.settings.get("seed").map(|seed| ("seed", seed.to_string())));

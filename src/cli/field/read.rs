@@ -12,7 +12,7 @@ fn field_file(path: &Path) -> PathBuf {
 }
 
 /// Reads a field.
-pub(super) fn field(path: &Path) -> Result<Field> {
+pub(crate) fn field(path: &Path) -> Result<Field> {
     let file = field_file(path);
     if path.is_dir() && !file.is_file() {
         return Err(Error::input(path.display().to_string())
@@ -24,14 +24,14 @@ pub(super) fn field(path: &Path) -> Result<Field> {
 }
 
 /// The factor from radiance to the images that a fit was made with, from the record beside its field.
-pub(super) fn exposure_of(path: &Path) -> Option<f64> {
+pub(crate) fn exposure_of(path: &Path) -> Option<f64> {
     let record = field_file(path).with_file_name(crate::training::RESULT);
     let record: Value = serde_json::from_slice(&std::fs::read(record).ok()?).ok()?;
     record["exposure"].as_f64()
 }
 
 /// How the images of a capture are read.
-pub(super) fn options(downscale: u8, outside: bool) -> Options {
+pub(crate) fn options(downscale: u8, outside: bool) -> Options {
     Options {
         background: [1.0; 3],
         downscale: usize::from(downscale),

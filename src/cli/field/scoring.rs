@@ -22,7 +22,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 
 /// Scores of a field as Stanford-ORB defines them.
-pub(super) struct Benchmark {
+pub(crate) struct Benchmark {
     /// Of the field's colours; absent if the images show another light.
     views: Option<Value>,
     /// Normals and depth.

@@ -1,7 +1,9 @@
-//! Commands of LIRM: data (`gen`), the stages of a training (`train`), scores of a model (`eval`). Arguments are turned into records of `lirm`; nothing is computed here.
+//! Commands of LIRM: data (`gen`), the stages of a training (`train`), a field from images
+//! (`reconstruct`, `update`), scores of a model (`eval`). Arguments are turned into records of `lirm`; nothing is computed here.
 
 mod eval;
 mod r#gen;
+mod reconstruct;
 mod train;
 
 use crate::Result;
@@ -14,6 +16,10 @@ pub(super) enum Command {
     Gen(Box<r#gen::Args>),
     /// Train one stage of a model on built-in objects
     Train(Box<train::Args>),
+    /// Reconstruct an object from a few images
+    Reconstruct(Box<reconstruct::Args>),
+    /// Improve a reconstruction with more images
+    Update(Box<reconstruct::UpdateArgs>),
     /// Score a model on built-in objects, after every set of images
     Eval(Box<eval::Args>),
 }
@@ -26,6 +32,8 @@ pub(super) fn run(command: &Command) -> Result<()> {
     match command {
         Command::Gen(args) => r#gen::run(args),
         Command::Train(args) => train::run(args),
+        Command::Reconstruct(args) => reconstruct::run(args),
+        Command::Update(args) => reconstruct::update(args),
         Command::Eval(args) => eval::run(args),
     }
 }

@@ -65,7 +65,7 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Snapshots, loss, score and size of a fit; `sizes` says what the history counts, if that is worth a chart; `marks` are places on
+    /// Snapshots, loss, score and size of a fit; `sizes` is the name of what the history counts, for a chart of it; `marks` are places on
     /// the axis of iterations.
     ///
     /// # Errors

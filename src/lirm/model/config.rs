@@ -10,7 +10,7 @@
 //! | `embed_tokens` | 32 | 4 | tokens along a side of the square of four panoramas; 0: none, colours do not depend on direction |
 //! | `channels` | 32 | 16 | of planes and panoramas |
 //! | `fuse` | published | residual | how the last state enters |
-//! | `whole` | | | whether it reads photographs, and has materials and colours that depend on direction: stages 2 and 3 |
+//! | `whole` | | | whether it reads photos, and has materials and colours that depend on direction: stages 2 and 3 |
 
 use crate::{Error, Result};
 use serde_json::{Value, json};
@@ -65,7 +65,7 @@ pub struct Config {
     pub channels: usize,
     /// How the last state enters.
     pub fuse: Fuse,
-    /// Whether it reads photographs, and gives materials and colours that depend on direction.
+    /// Whether it reads photos, and gives materials and colours that depend on direction.
     pub is_whole: bool,
 }
 

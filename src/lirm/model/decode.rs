@@ -9,7 +9,7 @@
 
 use super::config::{Config, HALF_SIZE, LEVELS, PATCH};
 use super::params::{heads, widths};
-use super::weights::{Gradients, Ready, with_gradients};
+use super::weights::{Gradients, Ready, lend};
 use crate::field::render::InBar;
 use crate::nn::unpatch;
 use crate::scene::field::{Field, Heads, Network, Panoramas, Placement, Planes, Rule, Settings, Stencil};
@@ -103,7 +103,7 @@ impl Ready<'_> {
     }
 
     /// Adds the gradients of the layers and heads for the gradients of a decoded field to `g`; returns the cotangent of the state.
-    pub fn decode_adjoint(&self, state: &[f32], bar: &InBar, g: &mut Gradients) -> Vec<f32> {
+    pub fn pull_decoded(&self, state: &[f32], bar: &InBar, g: &mut Gradients) -> Vec<f32> {
         let c = &self.config;
         let at = c.tokens()[0] * c.width;
         let (of_planes, of_panoramas) = state.split_at(at);
@@ -111,7 +111,7 @@ impl Ready<'_> {
         let mut pull = |name: &str, tokens: &[f32], texels_bar: &[f32], into: &mut [f32]| {
             let x = self.unpatch(name, tokens, c.grids(name == "planes"));
             let names = [format!("unpatch/{name}"), format!("unpatch/{name}/bias")];
-            with_gradients(g, names, |[weight, bias]| {
+            lend(g, names, |[weight, bias]| {
                 let mut own = unpatch::InBar { tokens: vec![0.0; tokens.len()], weight, bias };
                 unpatch::adjoint(&x, texels_bar, &mut own);
                 into.copy_from_slice(&own.tokens);

@@ -3,7 +3,7 @@
 //! ```text
 //! config   the sizes of a model: paper, small            params   its arrays: names, shapes, first values
 //!
-//! images, rays, photographs ──► nn.tokens ──────────────┐
+//! images, rays, photos ──► nn.tokens ──────────────┐
 //!                                                       ▼
 //! state of the last set ─► nn.fuse ◄─ place tokens ──► blocks ──► LayerNorm ──► state ──┬──► next set
 //!   (0 before the first)    update                                                       │
@@ -23,6 +23,7 @@ pub mod config;
 pub mod decode;
 pub mod file;
 pub mod params;
+pub mod state;
 pub mod transformer;
 pub mod weights;
 

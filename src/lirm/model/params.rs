@@ -14,7 +14,7 @@
 //! | other biases | | 0 |
 //! | `heads/NAME/L` | (outputs, inputs) | Xavier-uniform with gain ¼ |
 //!
-//! A plain model has heads for distance, colour and normal; a whole one also reads photographs, and has heads for albedo, material
+//! A plain model has heads for distance, colour and normal; a whole one also reads photos, and has heads for albedo, material
 //! and ρ, and a colour head that reads the embedding. [`extended`] makes a whole model of a plain one, which computes the same colours.
 //!
 //! In the attention's first matrix the first D rows give the queries. Xavier's bound is that of the whole matrix, as in PyTorch.

@@ -78,8 +78,8 @@ fn gradients_are_difference_quotients_with_and_without_recomputation() {
         bar.planes.copy_from_slice(&c[0]);
         bar.panoramas.copy_from_slice(&c[1]);
         let mut g = ready.zeros();
-        let next_bar = ready.decode_adjoint(&next, &bar, &mut g);
-        ready.read_adjoint(&state, &views, saved.expect("kept"), &next_bar, &mut g);
+        let next_bar = ready.pull_decoded(&next, &bar, &mut g);
+        ready.pull_read(&state, &views, saved.expect("kept"), &next_bar, &mut g);
         both.push(ready.finish(g));
     }
     assert_eq!(both[0].0, both[1].0, "the same bits");

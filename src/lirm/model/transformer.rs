@@ -9,7 +9,7 @@
 //! block is, and each block runs again: the same bits.
 
 use super::config::{EPS, PATCH};
-use super::weights::{Gradients, Ready, block_names, with_gradients};
+use super::weights::{Gradients, Ready, block_names, lend};
 use crate::nn::{block, fuse, layernorm, tokens};
 
 /// An image as the model reads it; all arrays are row-major.
@@ -113,7 +113,7 @@ impl Ready<'_> {
     }
 
     /// Adds the gradients for the cotangent of the next state to `g`. The state that was read is a constant.
-    pub fn read_adjoint(
+    pub fn pull_read(
         &self,
         state: &[f32],
         views: &[Input],
@@ -125,7 +125,7 @@ impl Ready<'_> {
         let rows = last.len();
         let all = at.first().map_or(rows, Vec::len);
         let mut x_bar = vec![0.0; all];
-        with_gradients(g, ["norm/gain", "norm/bias"].map(str::to_owned), |[gain, bias]| {
+        lend(g, ["norm/gain", "norm/bias"].map(str::to_owned), |[gain, bias]| {
             let mut bar = layernorm::InBar { x: vec![0.0; rows], gain, bias };
             layernorm::adjoint(&self.final_norm(&last), &norm, next_bar, &mut bar);
             x_bar[..rows].copy_from_slice(&bar.x);
@@ -134,7 +134,7 @@ impl Ready<'_> {
         for (b, x) in at.iter().enumerate().rev() {
             let x = self.block(b, x);
             let saved = blocks.pop().unwrap_or_else(|| block::forward(&x, &mut vec![0.0; all]));
-            with_gradients(g, block_names(b), |own| {
+            lend(g, block_names(b), |own| {
                 let [
                     ln1_gain,
                     ln1_bias,
@@ -176,12 +176,12 @@ impl Ready<'_> {
         for (view, saved) in views.iter().zip(&saved_views) {
             let part = &x_bar[first..][..view.tokens() * self.config.width];
             first += part.len();
-            self.view_adjoint(view, saved, part, g);
+            self.pull_view(view, saved, part, g);
         }
         let x = self.fuse(state, &places);
         let names = ["fuse/w1", "fuse/w1/bias", "fuse/w2", "fuse/w2/bias"].map(str::to_owned);
         let mut places_bar = vec![0.0; places.len()];
-        with_gradients(g, names, |[w1, b1, w2, b2]| {
+        lend(g, names, |[w1, b1, w2, b2]| {
             let position = std::mem::take(&mut places_bar);
             let mut bar = fuse::InBar { state: Vec::new(), position, w1, b1, w2, b2 };
             fuse::adjoint(&x, &fused, &x_bar[..rows], &mut bar);
@@ -196,11 +196,11 @@ impl Ready<'_> {
         }
     }
 
-    fn view_adjoint(&self, view: &Input, saved: &tokens::Saved, bar: &[f32], g: &mut Gradients) {
+    fn pull_view(&self, view: &Input, saved: &tokens::Saved, bar: &[f32], g: &mut Gradients) {
         let x = self.view(view);
         let mut photo = if view.photo.is_empty() { Vec::new() } else { g.taken("tokens/photo") };
         let names = ["tokens/image", "tokens/rays", "tokens/bias", "tokens/norm/gain", "tokens/norm/bias"];
-        with_gradients(g, names.map(str::to_owned), |[w_image, w_rays, bias, norm_gain, norm_bias]| {
+        lend(g, names.map(str::to_owned), |[w_image, w_rays, bias, norm_gain, norm_bias]| {
             let w_photo = std::mem::take(&mut photo);
             let mut own = tokens::InBar {
                 w_image,

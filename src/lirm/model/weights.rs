@@ -186,7 +186,7 @@ impl<'a> Ready<'a> {
 }
 
 /// Moves the gradients of named arrays into those of an operator, calls its adjoint, and moves them back.
-pub(super) fn with_gradients<const N: usize>(
+pub(super) fn lend<const N: usize>(
     g: &mut Gradients,
     names: [String; N],
     adjoint: impl FnOnce([Vec<f32>; N]) -> [Vec<f32>; N],

@@ -1,7 +1,6 @@
 //! Random choices of a training: functions of seed, step and place in the batch.
 
-use super::source::VIEWS;
-use super::stage::{Stage, USES, VERSIONS};
+use super::stage::{Stage, USES, VERSIONS, VIEWS};
 use crate::num::rng::Rng;
 
 /// Order of the objects of a block; the step is the number of the order.

@@ -39,6 +39,7 @@ use crate::fit::training::{Fit, Preview, Step, Watch};
 use crate::num::array::Arrays;
 use crate::num::par;
 use crate::optim::adam::{Counters, Decay, Rule};
+use crate::optim::clip::clip;
 use crate::optim::optimiser::{ArrayNames, Optimiser};
 use crate::tape::Params;
 use crate::{Error, Result};
@@ -86,16 +87,6 @@ pub struct Training<'a> {
     shown: Vec<Shown>,
     /// Digest of the weights that the stage began with.
     start: String,
-}
-
-/// Shortens the gradient of an array to [`LENGTH`].
-fn clip(gradient: &mut ndarray::ArrayD<f32>) {
-    let square = gradient.iter().fold(0.0, |sum, g| sum + f64::from(*g) * f64::from(*g));
-    let length = square.sqrt();
-    if length > LENGTH {
-        let factor = (LENGTH / length) as f32;
-        gradient.iter_mut().for_each(|g| *g *= factor);
-    }
 }
 
 impl<'a> Training<'a> {
@@ -209,9 +200,9 @@ impl<'a> Training<'a> {
                 let mut own = kept[i].lock().unwrap_or_else(std::sync::PoisonError::into_inner);
                 let (next, saved, bar) = &mut *own;
                 let mut g = ready.zeros();
-                let next_bar = ready.decode_adjoint(next, bar, &mut g);
+                let next_bar = ready.pull_decoded(next, bar, &mut g);
                 let saved = saved.take().expect("it was kept");
-                ready.read_adjoint(&states[k], &objects[k].sets[set], saved, &next_bar, &mut g);
+                ready.pull_read(&states[k], &objects[k].sets[set], saved, &next_bar, &mut g);
                 (std::mem::take(next), g)
             });
             watch.lap("adjoint of the transformer");
@@ -276,7 +267,9 @@ impl Fit for Training<'_> {
                 Error::check("lirm train").at("loss").expected("a finite number").got(loss.to_string()),
             ));
         }
-        grads.0.values_mut().for_each(clip);
+        for g in grads.0.values_mut() {
+            clip(g.as_slice_mut().expect("gradients are contiguous"), LENGTH);
+        }
         let rate = s.stage.rate(i);
         for optimiser in &mut self.optimisers {
             optimiser.step(&mut self.params, &grads, |_| Some(rate)).map_err(named)?;

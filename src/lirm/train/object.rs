@@ -1,7 +1,8 @@
 //! One object of a step: its sets of input images, its crops, and their losses.
 
 use super::draws::Draws;
-use super::source::{Pool, SIDE};
+use super::source::Pool;
+use super::stage::SIDE;
 use crate::Result;
 use crate::field::render::{self, InBar, OutBar, Plan};
 use crate::fit::field::Target;
@@ -11,10 +12,8 @@ use crate::fit::field::scene::Weights;
 use crate::fit::field::view::RayList;
 use crate::lirm::model::config::Config;
 use crate::lirm::model::transformer::Input;
-use crate::lirm::views::View;
 use crate::num::rng::Rng;
 use crate::scene::field::{Field, Placement};
-use crate::scene::rays::plucker;
 
 /// Crops of an object.
 const CROPS: usize = 4;
@@ -46,20 +45,6 @@ pub(super) struct Drawn {
     opacity_bar: Vec<f32>,
 }
 
-impl Input {
-    /// An image as the model reads it; a plain model does not read the photograph.
-    pub fn of(view: &View, has_photo: bool) -> Self {
-        let wide = |x: &[f32]| x.iter().map(|x| 2.0 * x - 1.0).collect();
-        let camera = &view.picture.camera;
-        Self {
-            size: [camera.width, camera.height],
-            image: wide(&view.picture.color),
-            rays: plucker(camera),
-            photo: if has_photo { wide(&view.photograph) } else { Vec::new() },
-        }
-    }
-}
-
 impl Object {
     /// Makes the inputs and targets of place `j` of a step.
     pub(super) fn new(
@@ -74,7 +59,7 @@ impl Object {
         let chosen = |which: &[usize]| all.chosen(which).turned(choice.turn).lit(choice.brightness);
         let set = |which: &Vec<usize>| {
             let small = chosen(which).small(SIDE / INPUT)?;
-            Ok(small.all.iter().map(|view| Input::of(view, config.is_whole)).collect())
+            Ok(small.all.iter().map(|view| Input::of(view, &small.placement, config.is_whole)).collect())
         };
         let sets = choice.sets.iter().map(set).collect::<Result<Vec<Vec<Input>>>>()?;
         let centers: Vec<[f32; 3]> = all.all.iter().map(|v| v.picture.camera.center()).collect();

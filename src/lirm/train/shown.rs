@@ -1,6 +1,7 @@
 //! What a training shows while it runs: an object of another seed from a camera whose image the model has not read.
 
-use super::source::{SIDE, Source, VIEWS};
+use super::source::Source;
+use super::stage::{SIDE, VIEWS};
 use crate::Result;
 use crate::fit::evaluate::compare;
 use crate::fit::field::{Target, view};
@@ -41,7 +42,7 @@ impl Shown {
         let read = (0..READ).map(|i| &small.all[around[i * VIEWS / READ]]);
         Ok(Self {
             name: format!("object {k}"),
-            inputs: read.map(|view| Input::of(view, config.is_whole)).collect(),
+            inputs: read.map(|view| Input::of(view, &small.placement, config.is_whole)).collect(),
             target: small.target(around[VIEWS / (2 * READ)]),
             placement: small.placement,
         })

@@ -4,6 +4,7 @@
 //! one after the other, and is then forgotten. A resumed training renders the objects of its block again.
 
 use super::draws::Draws;
+use super::stage::{SIDE, VIEWS};
 use crate::Result;
 use crate::lirm::r#gen::{Lighting, Settings};
 use crate::lirm::views::Views;
@@ -11,10 +12,6 @@ use crate::num::par;
 use std::collections::BTreeMap;
 use std::fmt::Debug;
 
-/// Images of an object.
-pub const VIEWS: usize = 20;
-/// Pixels per side of an image.
-pub const SIDE: usize = 128;
 /// Samples per pixel.
 const SAMPLES: u32 = 8;
 

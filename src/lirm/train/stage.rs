@@ -10,7 +10,7 @@
 //! | 3 | the same | 1–3 | 128 | 100 → 125 | 128², 48² | 400 | 2·10⁻⁵ → 0 |
 //!
 //! The rate rises linearly over the first hundred steps (twenty in stage 3) to the first number, and falls along a cosine to the second. 1/β is
-//! linear. Stages 2 and 3 train all heads and read photographs. Objects of a stage follow those of the one before.
+//! linear. Stages 2 and 3 train all heads and read photos. Objects of a stage follow those of the one before.
 
 use crate::lirm::model::decode::Look;
 use crate::num::elem::f64 as elem;
@@ -18,6 +18,10 @@ use crate::num::order;
 use crate::{Error, Result};
 use serde_json::{Value, json};
 
+/// Images of an object.
+pub const VIEWS: usize = 20;
+/// Pixels per side of an image.
+pub const SIDE: usize = 128;
 /// Batches that an object is in.
 pub const USES: usize = 12;
 /// Samples with a smaller weight have the background's values.
@@ -46,7 +50,7 @@ pub struct Stage {
     pub inverse_beta: [f32; 2],
     /// Pixels per side of a target, and of a crop of it.
     pub target: [usize; 2],
-    /// Whether all heads are trained, and photographs are read.
+    /// Whether all heads are trained, and photos are read.
     pub is_whole: bool,
     /// Index of the first object.
     pub first_object: u64,

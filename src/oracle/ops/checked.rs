@@ -112,7 +112,7 @@ impl<'a> CheckedCall<'a> {
     }
 
     /// Whether gradients are requested.
-    pub fn with_gradients(&self) -> bool {
+    pub fn lend(&self) -> bool {
         !self.cotangents.0.is_empty()
     }
 

@@ -70,7 +70,7 @@ fn run(x: &CheckedCall<'_>) -> Result<RunResult> {
         ran.outputs.put(name, &[], vec![value]);
     }
     ran.outputs.put("shared", &shape, out.shared.clone());
-    if x.with_gradients() {
+    if x.lend() {
         let one = |name: &str| Ok::<f64, Error>(x.bar_f64(name, &[])?.map_or(0.0, |bar| bar[0]));
         let out_bar = Out {
             equal: one("equal")?,

@@ -57,7 +57,7 @@ fn run(x: &CheckedCall<'_>) -> Result<RunResult> {
     let mut ran = RunResult::default();
     ran.outputs.put("rest_points", &[p, 3], out.points.into_flattened());
     ran.outputs.put("rest_factors", &[p, 3, 3], out.factors.into_flattened());
-    if x.with_gradients() {
+    if x.lend() {
         let points_bar = x.bar("rest_points", &[p, 3])?.unwrap_or_else(|| vec![0.0; 3 * p]);
         let factors_bar = x.bar("rest_factors", &[p, 3, 3])?.unwrap_or_else(|| vec![0.0; 9 * p]);
         let out_bar = Out { points: rows(&points_bar), factors: rows(&factors_bar) };

@@ -44,7 +44,7 @@ fn run(x: &CheckedCall<'_>) -> Result<RunResult> {
     if x.has("factors") {
         ran.outputs.put("skinned_factors", &[p, 3, 3], flat(&out.skinned_factors));
     }
-    if x.with_gradients() {
+    if x.lend() {
         let skinned = x.bar("skinned", &[p, 3])?.unwrap_or_else(|| vec![0.0; 3 * p]);
         let factors_bar = x.bar("skinned_factors", &[factors.len(), 3, 3])?.unwrap_or_default();
         let out_bar = Out { skinned: rows(&skinned), skinned_factors: rows(&factors_bar) };

@@ -64,7 +64,7 @@ pub(super) fn refused(op: &Op) -> impl Fn(String) -> Error {
 pub fn run(op: &'static Op, call: &Call) -> Result<RunResult> {
     let x = CheckedCall::new(op, call, false)?;
     let twin_call = TwinCall::new(&x);
-    let (results, gradients) = if x.with_gradients() {
+    let (results, gradients) = if x.lend() {
         twins::vjp(&twin_call.request(), &to_twin(&x.cotangents)).map_err(refused(op))?
     } else {
         (twins::value(&twin_call.request()).map_err(refused(op))?, Named::new())

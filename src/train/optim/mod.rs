@@ -3,6 +3,7 @@
 //! ```text
 //! adam      Adam with per-row counters, in place        adamw     the same with decoupled weight decay
 //! optimiser named parameters with one state each            initial   initial values of networks
+//! clip      gradients of a largest length
 //! schedule  learning rates and spherical-harmonics bands over the iterations
 //! groups    one optimiser per parameter array of a set of Gaussians, and its learning rates
 //! density   clone, split, prune, opacity reset           mcmc      relocation, growth, noise, regularisers
@@ -18,6 +19,7 @@
 
 pub mod adam;
 pub mod adamw;
+pub mod clip;
 pub mod density;
 pub mod groups;
 pub mod initial;

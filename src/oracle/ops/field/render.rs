@@ -141,7 +141,7 @@ fn run(x: &CheckedCall<'_>) -> Result<RunResult> {
         let out = render::forward(scene, &mut plan);
         let mut ran = RunResult::default();
         put_plan(&plan, &out, &mut ran.plan);
-        if x.with_gradients() {
+        if x.lend() {
             gradients(x, scene, &plan, &out, &mut ran.gradients)?;
         }
         put_outputs(scene, out, &mut ran.outputs);

@@ -32,7 +32,7 @@ fn run(x: &CheckedCall<'_>) -> Result<RunResult> {
     let (mut scales, mut opacities) = (vec![[0.0; 3]; n], vec![0.0; n]);
     activate::forward(&logs, &logits, &mut scales, &mut opacities);
     let mut ran = RunResult::default();
-    if x.with_gradients() {
+    if x.lend() {
         let scales_bar = rows(&x.bar("scales", &[n, 3])?.unwrap_or_else(|| vec![0.0; 3 * n]));
         let opacities_bar = x.bar("opacities", &[n])?.unwrap_or_else(|| vec![0.0; n]);
         let (mut logs_bar, mut logits_bar) =

@@ -117,7 +117,7 @@ fn run(x: &CheckedCall<'_>) -> Result<RunResult> {
     if x.call.dump {
         ran.intermediates.put("counts", &[c, h, w], masks.counts);
     }
-    if x.with_gradients() {
+    if x.lend() {
         let bars = ImageBars::of(x, [c, h, w])?;
         let mut records = Vec::new();
         let background_bar = blend::adjoint(&blended, &saved, bars.view(), false, &mut records);

@@ -101,7 +101,7 @@ fn run(x: &CheckedCall<'_>) -> Result<RunResult> {
         Some(given) => plan::keep(given, &["order", "camera_start"], &mut ran.plan)?,
         None => plan::put_order(&made, c, n, &mut ran.plan),
     }
-    if x.with_gradients() {
+    if x.lend() {
         let bars = bars(x, c, n)?;
         let mut means_bar = x.start_rows::<3>("means", n);
         let mut factors_bar = vec![[0.0; 9]; n];

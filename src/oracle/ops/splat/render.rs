@@ -159,7 +159,7 @@ fn run(x: &CheckedCall<'_>) -> Result<RunResult> {
             ran.intermediates.put("opacities_px", &[c, n], saved.splats.iter().map(|s| s.opacity).collect());
         }
     }
-    if x.with_gradients() {
+    if x.lend() {
         let bars = ImageBars::of(x, [c, h, w])?;
         let mut bar = started(x, &input);
         render::adjoint_into(

@@ -182,8 +182,8 @@ fn is_whole(coverage: f32) -> bool {
     !(coverage > 0.0 && coverage < 1.0)
 }
 
-/// A camera whose world is that of the field.
-fn placed(camera: &Camera, at: &Placement) -> Camera {
+/// Returns a camera whose world is that of the field.
+pub fn placed(camera: &Camera, at: &Placement) -> Camera {
     let (r, t) = (&camera.rotation, &camera.translation);
     let moved = |i: usize| {
         let turned = (0..3).fold(f64::from(t[i]), |sum, k| sum + f64::from(r[i][k]) * at.center[k]);

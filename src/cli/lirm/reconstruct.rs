@@ -1,0 +1,237 @@
+//! `lirm reconstruct` and `lirm update`: a field from a few images of an object, and a better one from more.
+
+use crate::field::{page, read};
+use crate::fit::field::place::{around, placement, unit_ball};
+use crate::fit::field::scores::means;
+use crate::fit::field::targets::{Picture, Pictures};
+use crate::fit::field::{score, view};
+use crate::fit::render::flat_name;
+use crate::fit::training::Watch;
+use crate::io::atomic;
+use crate::meter::Meter;
+use crate::report::run::Run;
+use crate::report::{self};
+use crate::scene::field::{FILE as FIELD, Placement};
+use crate::shared::{ForceArgs, Outcome};
+use crate::training::RESULT;
+use crate::units::counted;
+use crate::{Error, Result, claim, console as cli, version};
+use lastlight_lirm::model::decode::Look;
+use lastlight_lirm::model::file::{Model, digest};
+use lastlight_lirm::model::state::{FILE as STATE, State};
+use lastlight_lirm::model::transformer::Input;
+use lastlight_lirm::model::weights::Ready;
+use lastlight_lirm::reading::inputs;
+use lastlight_lirm::views::Views;
+use serde_json::{Value, json};
+use std::path::PathBuf;
+
+/// Which images of a capture are read, and how the result is rendered.
+#[derive(clap::Args)]
+struct Common {
+    /// Model, or the folder of a training
+    #[arg(long, value_name = "FILE")]
+    model: PathBuf,
+    /// Images to read, by name, comma-separated or repeated [default: all training images]
+    #[arg(long, value_name = "NAME", value_delimiter = ',')]
+    images: Vec<String>,
+    /// Images of a set: the state is updated after each [default: all at once]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    set_size: Option<u32>,
+    /// Cut a square around the object out of every image and bring it to this many pixels, a multiple of 8; the model was trained with 64
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(8..=4096))]
+    crop_side: Option<u32>,
+    /// Shrink the images by a whole factor, averaging blocks of pixels
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=16))]
+    downscale: u8,
+    /// Accept absolute paths and `..` in the files of a capture; only for files that you trust
+    #[arg(long)]
+    allow_outside: bool,
+    /// Steps of a ray along the diagonal of the box
+    #[arg(long, value_name = "N", default_value_t = 192)]
+    samples: usize,
+    /// 1/β, the largest density
+    #[arg(long, value_name = "X", default_value_t = 125.0)]
+    inverse_beta: f32,
+    /// Folder for the results; new or empty unless --force
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    #[command(flatten)]
+    filling: ForceArgs,
+}
+
+/// Reconstruct an object from a few images, without an optimisation.
+#[derive(clap::Args)]
+#[command(after_help = "Examples:
+  lastlight lirm reconstruct object/uniform --model s1c --images 0016,0021,0035,0042 --out r1
+  lastlight lirm update r1 object/uniform --model s1c --images 0018,0025,0037,0044 --out r2     with four more images
+  lastlight lirm reconstruct photos --model s3 --crop-side 64 --out r           any capture with masks
+  lastlight field mesh r1 --out mesh.glb                                        as for a fitted field
+  lastlight field eval r1 object/uniform --mesh object/object.glb
+
+Written to --out: field.safetensors (for field mesh, relight and eval), state.safetensors (for lirm update; its size does not depend on the number of images), heldout/, result.json and report/index.html. Images need the object's foreground, as for field fit. Cameras may be pinhole or fisheye.")]
+pub(crate) struct Args {
+    /// Folder with transforms.json or a COLMAP model, or the transforms.json itself
+    #[arg(value_name = "DIR")]
+    capture: PathBuf,
+    #[command(flatten)]
+    common: Common,
+}
+
+/// Improve a reconstruction with more images.
+#[derive(clap::Args)]
+#[command(after_help = "Examples:
+  lastlight lirm update r1 object/uniform --model s1c --images 0018,0025,0037,0044 --out r2
+
+The state must have been made by the same model. The box of the object stays that of the state.")]
+pub(crate) struct UpdateArgs {
+    /// State, or the folder of a reconstruction
+    #[arg(value_name = "STATE")]
+    state: PathBuf,
+    /// Folder with transforms.json or a COLMAP model, or the transforms.json itself
+    #[arg(value_name = "DIR")]
+    capture: PathBuf,
+    #[command(flatten)]
+    common: Common,
+}
+
+impl Common {
+    /// The images to read: indices among those of the capture.
+    fn chosen(&self, pictures: &Pictures) -> Result<Vec<usize>> {
+        if self.images.is_empty() {
+            return Ok(pictures.views.train.clone());
+        }
+        let stem = |name: &str| {
+            let name = std::path::Path::new(name).file_stem().unwrap_or_default();
+            name.to_string_lossy().into_owned()
+        };
+        let find = |wanted: &String| {
+            let all = &pictures.pictures;
+            let exact = all.iter().position(|p| p.name == *wanted);
+            exact.or_else(|| all.iter().position(|p| stem(&p.name) == stem(wanted))).ok_or_else(|| {
+                let first = all.first().map_or_else(String::new, |p| p.name.clone());
+                Error::input("--images")
+                    .expected(format!("names of the capture, such as {first}"))
+                    .got(wanted.clone())
+            })
+        };
+        self.images.iter().map(find).collect()
+    }
+
+    /// The sets as inputs.
+    fn sets(
+        &self,
+        pictures: &Pictures,
+        which: &[usize],
+        at: Placement,
+        has_photo: bool,
+    ) -> Result<Vec<Vec<Input>>> {
+        let size = self.set_size.map_or(which.len(), |n| n as usize);
+        let set = |some: &[usize]| {
+            let views = Views::of_capture(pictures, some, at)?;
+            let views = self.crop_side.map_or_else(|| views.clone(), |side| views.cropped(side as usize));
+            inputs(&views, has_photo)
+        };
+        which.chunks(Ord::max(size, 1)).map(set).collect()
+    }
+}
+
+pub(super) fn run(args: &Args) -> Result<()> {
+    made(&args.common, &args.capture, None, "lirm reconstruct")
+}
+
+pub(super) fn update(args: &UpdateArgs) -> Result<()> {
+    let before = State::read(&args.state)?;
+    made(&args.common, &args.capture, Some(before), "lirm update")
+}
+
+fn made(args: &Common, capture: &std::path::Path, before: Option<State>, kind: &'static str) -> Result<()> {
+    let mut meter = Meter::new();
+    let model = Model::read(&args.model)?;
+    let own = digest(&model.params);
+    if let Some(state) = before.as_ref().filter(|s| s.config != model.config || s.model != own) {
+        return Err(Error::input("--model")
+            .at(args.model.display().to_string())
+            .expected(format!("the model of the state, with the digest {}", state.model))
+            .got(own));
+    }
+    if let Some(side) = args.crop_side.filter(|side| !side.is_multiple_of(8)) {
+        return Err(Error::input("--crop-side").expected("a multiple of 8").got(side.to_string()));
+    }
+    let options = read::options(args.downscale, args.allow_outside);
+    let pictures = Pictures::load(capture, &options, before.as_ref().map(|s| s.exposure))?;
+    let which = args.chosen(&pictures)?;
+    if which.is_empty() {
+        return Err(Error::input("capture").expected("at least one training image").got("none"));
+    }
+    let place = match &before {
+        Some(state) => state.placement,
+        None if pictures.is_unit_ball => placement(&unit_ball()),
+        None => {
+            let read: Vec<&Picture> = which.iter().map(|i| &pictures.pictures[*i]).collect();
+            placement(&around(&read, pictures.views.scene_box.center)?)
+        }
+    };
+    let dir = claim::folder(&args.out, false, args.filling.force)?;
+    meter.lap("reading");
+    let sets = args.sets(&pictures, &which, place, model.config.is_whole)?;
+    let ready = Ready::new(model.config, &model.params);
+    meter.lap("inputs");
+    let start = before.as_ref().map_or_else(|| ready.no_state(), |s| s.tokens.clone());
+    let tokens = ready.read_all(&start, &sets);
+    meter.lap("transformer");
+    let look = Look { samples: args.samples, inverse_beta: args.inverse_beta, least_weight: Some(1e-3) };
+    let field = ready.decode(&tokens, look, place);
+    meter.lap("decoding");
+    let mut read_so_far = before.map_or_else(Vec::new, |s| s.sets);
+    read_so_far.extend(sets.iter().map(Vec::len));
+    let state = State {
+        tokens,
+        placement: place,
+        config: model.config,
+        model: own,
+        sets: read_so_far,
+        exposure: pictures.exposure,
+    };
+    state.write(&dir.join(STATE))?;
+    field.write(&dir.join(FIELD))?;
+    let targets = pictures.targets(place);
+    let cells = view::occupancy(&field)?;
+    let scored = targets.test.iter().map(|t| score(&field, &cells, t)).collect::<Result<Vec<_>>>()?;
+    meter.lap("evaluation");
+    let mut names = vec![FIELD.to_owned(), STATE.to_owned(), RESULT.to_owned()];
+    names.extend(page::write_renders(&dir, &scored, &flat_name)?);
+    let means = means(&scored);
+    let views: Vec<Value> = scored.iter().map(|s| s.json()).collect();
+    let digest = field.digest()?;
+    let settings = json!({
+        "capture": capture, "model": args.model, "images": args.images, "set_size": args.set_size, "crop_side": args.crop_side,
+        "downscale": args.downscale, "samples": args.samples, "inverse_beta": args.inverse_beta,
+    });
+    let record = json!({
+        "kind": kind, "lastlight": env!("CARGO_PKG_VERSION"), "digest": digest, "sets": state.sets, "exposure": state.exposure,
+        "arguments": cli::arguments(), "build": version::record(), "settings": settings, "seconds": meter.seconds(),
+        "evaluation": {"mean": means, "views": views},
+    });
+    atomic::write_bytes(&dir.join(RESULT), format!("{record:#}\n").as_bytes())?;
+    let images = which.len();
+    let made = page::page(&page::Input {
+        kind,
+        title: format!("Object from {} of {}", counted(images, "image"), crate::shared::name(capture)),
+        digest: Some(digest.clone()),
+        means: &means,
+        scored: &scored,
+        benchmark: None,
+        run: Run::new(&record["settings"], None, &meter, &dir, &names),
+    })?;
+    let held_out_db = means["psnr_db"].as_f64().unwrap_or(f64::NAN);
+    let lines = vec![
+        page::summary(&means),
+        format!("images      {images} in {}", counted(sets.len(), "set")),
+        format!("digest      {digest}"),
+        format!("time        {}", report::seconds(meter.seconds())),
+        format!("field       {}", dir.join(FIELD).display()),
+        format!("next        lastlight field mesh {} --out mesh.glb", dir.display()),
+    ];
+    Outcome { record, page: Some(made), lines, held_out_db }.publish(&dir)
+}

@@ -1,0 +1,154 @@
+//! The state of a model for one object: the tokens after its final LayerNorm, and where the object is.
+//!
+//! | array | shape | |
+//! |---|---|---|
+//! | `tokens` | (T, D) | those of the planes, then those of the panoramas |
+//! | `placement/center`, `placement/scale` | (3), (1) | x = (X − centre)·scale, as in the file of a field |
+//!
+//! Metadata: `kind`, `version`, `configuration` of the model, `model` (digest of its weights), `sets` (numbers of images, in the order in
+//! which they were read), `exposure` (factor from radiance to the images). The size of the file does not depend on how many images were read.
+
+use super::config::Config;
+use crate::io::safetensors;
+use crate::num::array::Arrays;
+use crate::scene::field::Placement;
+use crate::{Error, Result};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Name of the file in the folder of a reconstruction.
+pub const FILE: &str = "state.safetensors";
+/// The kind recorded in the metadata.
+const KIND: &str = "LIRM state";
+
+/// A state.
+#[derive(Clone, Debug, PartialEq)]
+pub struct State {
+    /// Shape (T, D).
+    pub tokens: Vec<f32>,
+    /// The object's place in the world.
+    pub placement: Placement,
+    /// Sizes of the model.
+    pub config: Config,
+    /// Digest of the weights of the model.
+    pub model: String,
+    /// Numbers of images, set by set.
+    pub sets: Vec<usize>,
+    /// Factor from radiance to the images.
+    pub exposure: f64,
+}
+
+impl State {
+    /// Writes the file atomically.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        let mut arrays = Arrays::new();
+        let width = self.config.width;
+        arrays.put("tokens", &[self.tokens.len() / width, width], self.tokens.clone());
+        arrays.put("placement/center", &[3], self.placement.center.to_vec());
+        arrays.put("placement/scale", &[1], vec![self.placement.scale]);
+        let sets: Vec<String> = self.sets.iter().map(ToString::to_string).collect();
+        let meta = BTreeMap::from([
+            ("kind".to_owned(), KIND.to_owned()),
+            ("version".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
+            ("configuration".to_owned(), self.config.json().to_string()),
+            ("model".to_owned(), self.model.clone()),
+            ("sets".to_owned(), sets.join(" ")),
+            ("exposure".to_owned(), self.exposure.to_string()),
+        ]);
+        safetensors::write(path, &arrays, &meta)
+    }
+
+    /// Reads a file; for a folder, the [`FILE`] in it.
+    ///
+    /// # Errors
+    /// If it is not a state, or an array is missing, superfluous, of another shape or not finite.
+    pub fn read(path: &Path) -> Result<Self> {
+        let inside = path.join(FILE);
+        let path = if path.is_dir() { &*inside } else { path };
+        let file = safetensors::read(path)?;
+        parse(&file.arrays, &file.metadata).map_err(|e| e.within(path.display().to_string()))
+    }
+}
+
+fn parse(arrays: &Arrays, meta: &BTreeMap<String, String>) -> Result<State> {
+    let text = |key: &str| {
+        meta.get(key).ok_or_else(|| {
+            Error::input("metadata").at(key.to_owned()).expected("the text of a LIRM state").got("none")
+        })
+    };
+    if text("kind")? != KIND {
+        return Err(Error::input("metadata").at("kind").expected(KIND).got(text("kind")?.as_str()));
+    }
+    let config = Config::parse(&crate::io::json::parse(text("configuration")?.as_bytes(), "configuration")?)?;
+    let wrong = |key: &str, want: &str| -> Result<Error> {
+        Ok(Error::input("metadata").at(key.to_owned()).expected(want.to_owned()).got(text(key)?.as_str()))
+    };
+    let sets: Option<Vec<usize>> = text("sets")?.split_whitespace().map(|n| n.parse().ok()).collect();
+    let Some(sets) = sets else { return Err(wrong("sets", "numbers of images")?) };
+    let exposure: Option<f64> = text("exposure")?.parse().ok().filter(|e: &f64| *e > 0.0 && e.is_finite());
+    let Some(exposure) = exposure else { return Err(wrong("exposure", "a factor above 0")?) };
+    let mut sizes = BTreeMap::new();
+    let pattern = format!("{},{}", config.state_tokens(), config.width);
+    let tokens = arrays.shape("tokens", &pattern, &mut sizes)?.to_f32();
+    let center = arrays.shape("placement/center", "3", &mut sizes)?.to_f64();
+    let scale = arrays.shape("placement/scale", "1", &mut sizes)?.to_f64();
+    let names = ["tokens", "placement/center", "placement/scale"];
+    arrays.finite(names)?;
+    if let Some(extra) = arrays.0.keys().find(|name| !names.contains(&name.as_str())) {
+        return Err(Error::input(format!("array '{extra}'"))
+            .expected("tokens and a placement")
+            .got("one more"));
+    }
+    if !(scale[0] > 0.0) {
+        return Err(Error::input("array 'placement/scale'")
+            .expected("a number above 0")
+            .got(scale[0].to_string()));
+    }
+    let placement = Placement { center: std::array::from_fn(|k| center[k]), scale: scale[0] };
+    Ok(State { tokens, placement, config, model: text("model")?.clone(), sets, exposure })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn states_are_read_back_and_bad_ones_refused() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let config =
+            Config { blocks: 1, width: 8, heads: 2, plane_tokens: 1, embed_tokens: 1, ..Config::SMALL };
+        let state = State {
+            tokens: (0..56).map(|i| i as f32 / 7.0).collect(),
+            placement: Placement { center: [0.1, -2.0, 3.5], scale: 0.3 },
+            config,
+            model: "0123456789abcdef".to_owned(),
+            sets: vec![4, 3],
+            exposure: 1.7,
+        };
+        let path = dir.path().join(FILE);
+        state.write(&path).expect("written");
+        assert_eq!(State::read(dir.path()).expect("the file in the folder"), state);
+        let write = |change: &dyn Fn(&mut Arrays, &mut BTreeMap<String, String>)| {
+            let mut file = safetensors::read(&path).expect("a file");
+            change(&mut file.arrays, &mut file.metadata);
+            let other = dir.path().join("other");
+            safetensors::write(&other, &file.arrays, &file.metadata).expect("written");
+            State::read(&other).expect_err("changed").to_string()
+        };
+        let e = write(&|a, _| a.put("tokens", &[7, 8], vec![f32::NAN; 56]));
+        assert!(e.contains("tokens"), "{e}");
+        let e = write(&|a, _| a.put("tokens", &[8, 8], vec![0.0_f32; 64]));
+        assert!(e.contains("tokens"), "{e}");
+        let e = write(&|a, _| a.put("more", &[1], vec![0.0_f32]));
+        assert!(e.contains("more"), "{e}");
+        let e = write(&|_, m| drop(m.insert("sets".to_owned(), "4 x".to_owned())));
+        assert!(e.contains("sets"), "{e}");
+        let e = write(&|_, m| drop(m.insert("exposure".to_owned(), "0".to_owned())));
+        assert!(e.contains("exposure"), "{e}");
+        let e = write(&|_, m| drop(m.remove("model")));
+        assert!(e.contains("model"), "{e}");
+    }
+}

@@ -1,0 +1,63 @@
+//! Images of an object as the model reads them, and sets of them one after the other.
+
+use super::model::config::PATCH;
+use super::model::transformer::Input;
+use super::model::weights::Ready;
+use super::views::{View, Views};
+use crate::fit::field::targets::placed;
+use crate::scene::field::Placement;
+use crate::scene::rays::plucker;
+use crate::{Error, Result};
+
+/// Most tokens of a set: 64 images of 512².
+const MOST_TOKENS: usize = 262_144;
+
+impl Input {
+    /// An image as the model reads it, with rays in the units of the field; a plain model does not read the photo.
+    pub fn of(view: &View, placement: &Placement, has_photo: bool) -> Self {
+        let wide = |x: &[f32]| x.iter().map(|x| 2.0 * x - 1.0).collect();
+        let camera = placed(&view.picture.camera, placement);
+        Self {
+            size: [camera.width, camera.height],
+            image: wide(&view.picture.color),
+            rays: plucker(&camera),
+            photo: if has_photo { wide(&view.photo) } else { Vec::new() },
+        }
+    }
+}
+
+/// The images of a set as inputs.
+///
+/// # Errors
+/// When there is none, a side is not a multiple of [`PATCH`], or they have too many tokens.
+pub fn inputs(views: &Views, has_photo: bool) -> Result<Vec<Input>> {
+    if views.all.is_empty() {
+        return Err(Error::input("images").expected("at least one").got("none"));
+    }
+    for view in &views.all {
+        let (width, height) = (view.picture.camera.width, view.picture.camera.height);
+        if !width.is_multiple_of(PATCH) || !height.is_multiple_of(PATCH) {
+            return Err(Error::input(view.picture.name.clone())
+                .at("image size")
+                .expected(format!("sides that are multiples of {PATCH} pixels"))
+                .got(format!("{width}x{height}"))
+                .hint("--crop-side 64 cuts a square around the object and brings it to 64 pixels"));
+        }
+    }
+    let all: Vec<Input> = views.all.iter().map(|v| Input::of(v, &views.placement, has_photo)).collect();
+    let tokens = all.iter().fold(0, |sum, v| sum + v.tokens());
+    if tokens > MOST_TOKENS {
+        return Err(Error::input("images")
+            .expected(format!("at most {MOST_TOKENS} squares of {PATCH}x{PATCH} pixels in a set"))
+            .got(tokens.to_string())
+            .hint("--set-size reads fewer images at a time, --downscale makes them smaller"));
+    }
+    Ok(all)
+}
+
+impl Ready<'_> {
+    /// Reads sets of images one after the other; returns the last state.
+    pub fn read_all(&self, state: &[f32], sets: &[Vec<Input>]) -> Vec<f32> {
+        sets.iter().fold(state.to_vec(), |state, set| self.read(&state, set, None).0)
+    }
+}
