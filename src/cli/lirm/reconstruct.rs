@@ -63,8 +63,8 @@ struct Common {
 /// Reconstruct an object from a few images, without an optimisation.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
-  lastlight lirm reconstruct object/uniform --model s1c --images 0016,0021,0035,0042 --out r1
-  lastlight lirm update r1 object/uniform --model s1c --images 0018,0025,0037,0044 --out r2     with four more images
+  lastlight lirm reconstruct object/uniform --model s1c --images 0018,0021,0040,0045 --out r1
+  lastlight lirm update r1 object/uniform --model s1c --images 0020,0028,0041,0046 --out r2     with four more images
   lastlight lirm reconstruct photos --model s3 --crop-side 64 --out r           any capture with masks
   lastlight field mesh r1 --out mesh.glb                                        as for a fitted field
   lastlight field eval r1 object/uniform --mesh object/object.glb
@@ -81,7 +81,7 @@ pub(crate) struct Args {
 /// Improve a reconstruction with more images.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
-  lastlight lirm update r1 object/uniform --model s1c --images 0018,0025,0037,0044 --out r2
+  lastlight lirm update r1 object/uniform --model s1c --images 0020,0028,0041,0046 --out r2
 
 The state must have been made by the same model. The box of the object stays that of the state.")]
 pub(crate) struct UpdateArgs {

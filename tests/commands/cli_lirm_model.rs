@@ -1,0 +1,127 @@
+//! `lirm train`, `reconstruct`, `update` and `eval` on the command line: a step of training, a field from it, what is refused.
+
+use crate::program::{json, lastlight, refused};
+use serde_json::Value;
+use std::path::Path;
+
+fn line<'a>(text: &'a str) -> Vec<&'a str> {
+    text.split_whitespace().collect()
+}
+
+/// A model after one step, and an object of test views.
+fn made(dir: &Path) -> Value {
+    let set = "lirm gen --cameras test --size 64 --samples 1 --texture 32 --out set -q";
+    assert!(lastlight(&line(set), dir).status.success());
+    let train = "lirm train --stage 1a --steps 1 --batch 1 --objects-at-once 1 --out m --json -q";
+    json(&line(train), dir)
+}
+
+#[test]
+fn a_model_reads_images_and_more_of_them() {
+    let work = tempfile::tempdir().expect("a folder");
+    let dir = work.path();
+    let trained = made(dir);
+    assert_eq!(trained["stages"], serde_json::json!(["1a"]));
+    let again = json(
+        &line("lirm train --stage 1a --steps 1 --batch 1 --objects-at-once 1 --out m --resume --json -q"),
+        dir,
+    );
+    assert_eq!(again["digest"], trained["digest"], "complete already");
+    let next = json(
+        &line("lirm train --stage 2a --steps 1 --batch 1 --objects-at-once 1 --from m --out n --json -q"),
+        dir,
+    );
+    assert_eq!(next["stages"], serde_json::json!(["1a", "2a"]));
+    assert_eq!(next["settings"]["whole"], true);
+
+    let capture = "set/object_00000/uniform";
+    let one =
+        json(&line(&format!("lirm reconstruct {capture} --model m --set-size 4 --out r --json -q")), dir);
+    assert_eq!(one["sets"], serde_json::json!([4, 4, 4, 4]), "sixteen input images");
+    assert_eq!(one["evaluation"]["views"].as_array().map(Vec::len), Some(12), "twelve outputs");
+    for file in ["field.safetensors", "state.safetensors", "report/index.html", "result.json"] {
+        assert!(dir.join("r").join(file).is_file(), "{file}");
+    }
+    let scores = json(&line(&format!("field eval r {capture} --json -q")), dir);
+    assert_eq!(
+        scores["evaluation"]["mean"]["psnr_db"], one["evaluation"]["mean"]["psnr_db"],
+        "a field like others"
+    );
+
+    // The first set, then the others: the same bits.
+    let text = std::fs::read_to_string(dir.join(capture).join("transforms_train.json")).expect("a capture");
+    let frames: Value = serde_json::from_str(&text).expect("JSON");
+    let names: Vec<&str> =
+        frames["frames"].as_array().expect("frames").iter().filter_map(|f| f["file_path"].as_str()).collect();
+    let [first, others] = [names[..4].join(","), names[4..].join(",")];
+    json(
+        &["lirm", "reconstruct", capture, "--model", "m", "--images", &first, "--out", "a", "--json", "-q"],
+        dir,
+    );
+    let args = [
+        "lirm",
+        "update",
+        "a",
+        capture,
+        "--model",
+        "m",
+        "--images",
+        &others,
+        "--set-size",
+        "4",
+        "--out",
+        "b",
+        "--json",
+        "-q",
+    ];
+    let two = json(&args, dir);
+    assert_eq!(two["digest"], one["digest"]);
+    assert_eq!(two["sets"], one["sets"]);
+    let size = |of: &str| std::fs::metadata(dir.join(of).join("state.safetensors")).expect("a state").len();
+    assert_eq!(size("a"), size("b"), "a state does not grow");
+    let cropped = json(
+        &line(&format!(
+            "lirm reconstruct {capture} --model n --crop-side 72 --set-size 16 --out c --json -q"
+        )),
+        dir,
+    );
+    assert_eq!(cropped["sets"], serde_json::json!([16]));
+
+    refused(&line(&format!("lirm update a {capture} --model n --out d")), dir, 2, &["--model", "digest"]);
+    refused(
+        &line(&format!("lirm reconstruct {capture} --model m --images none --out d")),
+        dir,
+        2,
+        &["--images", "none"],
+    );
+    refused(
+        &line(&format!("lirm reconstruct {capture} --model m --crop-side 60 --out d")),
+        dir,
+        2,
+        &["multiple of 8"],
+    );
+    refused(
+        &line(&format!("lirm reconstruct {capture} --model r/field.safetensors --out d")),
+        dir,
+        2,
+        &["LIRM model"],
+    );
+    let odd = format!("lirm reconstruct {capture} --model m --downscale 5 --out d");
+    refused(&line(&odd), dir, 2, &["image size", "12x12", "--crop-side"]);
+    assert!(!dir.join("d").exists(), "nothing is left");
+    refused(&line("lirm train --stage 2a --from set --out e"), dir, 2, &["set"]);
+    refused(&line("lirm train --stage 4 --out e"), dir, 2, &["1a"]);
+}
+
+#[test]
+fn scores_stand_beside_baselines() {
+    let work = tempfile::tempdir().expect("a folder");
+    let dir = work.path();
+    made(dir);
+    let scores = json(&line("lirm eval m --objects 1 --samples 1 --steps 16 --json -q"), dir);
+    let rounds = scores["rounds"].as_array().expect("rounds");
+    assert_eq!(rounds.len(), 4);
+    let of = |r: usize, key: &str| rounds[r][key].as_f64().expect("a number");
+    assert!(of(0, "hull_db") > of(0, "psnr_db"), "a model after one step is worse than the hull: {rounds:?}");
+    assert!(of(3, "hull_db") > of(0, "hull_db") && of(3, "nearest_db") > of(0, "nearest_db"), "{rounds:?}");
+}
