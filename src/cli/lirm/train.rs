@@ -58,6 +58,10 @@ pub(crate) struct Args {
     /// Steps [default: those of the stage]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     steps: Option<u32>,
+    /// Weight of the squared distance of surface points from the true ones, and of the part of it along the optical axis; LIRM has neither term,
+    /// its successor weighs both by 10
+    #[arg(long, value_name = "X", default_value_t = 0.0)]
+    points: f32,
     /// Objects per step
     #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u8).range(1..=64))]
     batch: u8,
@@ -83,6 +87,7 @@ impl Args {
         if let Some(steps) = self.steps {
             stage.steps = steps as usize;
         }
+        stage.points = self.points;
         stage.validate()?;
         Ok(Settings {
             stage,

@@ -182,7 +182,7 @@ impl<'a> Training<'a> {
                 // The mean over the objects of the step and the sets of each.
                 let weight = 1.0 / (self.settings.batch * object.sets.len()) as f32;
                 let field = ready.decode(&read[i].0, look, object.placement);
-                let rendered = object.losses(&field, weight)?;
+                let rendered = object.losses(&field, weight, self.settings.stage.points)?;
                 Ok((field, rendered))
             });
             let drawn = drawn.into_iter().collect::<Result<Vec<_>>>()?;

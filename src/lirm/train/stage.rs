@@ -54,6 +54,8 @@ pub struct Stage {
     pub is_whole: bool,
     /// Index of the first object.
     pub first_object: u64,
+    /// Weight of the squared distance of surface points from the true ones, and of the part of it along the optical axis; 0 removes both.
+    pub points: f32,
 }
 
 /// Names of the stages, in order.
@@ -77,6 +79,7 @@ impl Stage {
             target: [64, 32],
             is_whole: false,
             first_object,
+            points: 0.0,
         };
         let whole = |steps, rates, inverse_beta, first_object| Self {
             light: [0.25, 0.375, 0.375],
@@ -114,6 +117,9 @@ impl Stage {
         }
         if self.rates.iter().any(|r| !(0.0..=1.0).contains(r)) {
             return refuse("--rate", "0 to 1", format!("{:?}", self.rates));
+        }
+        if !(0.0..=1e4).contains(&self.points) {
+            return refuse("--points", "0 to 10 000", self.points.to_string());
         }
         if self.sets == 0 || self.sets > 3 {
             return refuse("--sets", "1 to 3: each has up to six of twenty images", self.sets.to_string());
@@ -156,7 +162,7 @@ impl Stage {
         json!({
             "stage": self.name, "steps": self.steps, "rates": self.rates, "rise": self.rise, "light": self.light,
             "sets": self.sets, "samples": self.samples, "inverse_beta": self.inverse_beta, "target": self.target,
-            "first_object": self.first_object,
+            "first_object": self.first_object, "points": self.points,
         })
     }
 }
