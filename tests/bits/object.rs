@@ -21,6 +21,7 @@ fn kinds() -> [(&'static str, Settings); 5] {
         crop: 16,
         crops: 1,
         inverse_beta: [20.0, 80.0],
+        eikonal: 1e-3,
         ..Settings::default()
     };
     let shaded = Settings { materials: Materials::Shaded, ..base.clone() };

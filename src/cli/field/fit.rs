@@ -108,8 +108,8 @@ pub(crate) struct Args {
     /// Largest learning rate of networks
     #[arg(long, value_name = "X", default_value_t = 0.005)]
     network_rate: f64,
-    /// Weight of the eikonal term; 0 removes it
-    #[arg(long, value_name = "X", default_value_t = 1e-3)]
+    /// Weight of the eikonal term, which keeps the gradient of the signed distance near length 1, such as 0.001
+    #[arg(long, value_name = "X", default_value_t = 0.0)]
     eikonal: f32,
     /// Weight of the squared variation of planes; 0 removes it
     #[arg(long, value_name = "X", default_value_t = 2e-3)]

@@ -28,6 +28,7 @@ fn settings() -> Settings {
         crops: 2,
         inverse_beta: [20.0, 80.0],
         materials: Materials::Passes,
+        eikonal: 1e-3,
         ..Settings::default()
     }
 }

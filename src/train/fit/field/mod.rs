@@ -23,7 +23,7 @@
 //!
 //! # What is optimised
 //! Planes, panoramas and heads, from the losses of LIRM (`losses`) and three terms in place of the prior which a fit of one
-//! object does not have: the eikonal term on numerical gradients near the surface, the squared variation of the planes, and the squared
+//! object does not have: the eikonal term on numerical gradients near the surface (without weight by default), the squared variation of the planes, and the squared
 //! jump of the signed distance across the centre planes. They have weights in [`Settings`], and 0 removes them.
 //!
 //! # Three stages
