@@ -6,7 +6,8 @@
 //!                          fitting ◄── oracle_and_gradcheck ◄── formats ◄────┘
 //!                             │
 //!                             ├──► light_and_rays ──► known_truth ──► learned_causes
-//!                             └──► field ──► field_adjoint ──► meshes
+//!                             ├──► field ──► field_adjoint ──► meshes
+//!                             └──► attention
 //! notation       paper symbol, name in the code, shape, unit        bibliography    cited works
 //! ```
 //!
@@ -66,6 +67,9 @@ pub mod field {}
 pub mod field_adjoint {}
 #[doc = include_str!("meshes.md")]
 pub mod meshes {}
+
+#[doc = include_str!("attention.md")]
+pub mod attention {}
 
 #[doc = include_str!("notation.md")]
 pub mod notation {}
