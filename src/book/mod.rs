@@ -7,7 +7,7 @@
 //!                             │
 //!                             ├──► light_and_rays ──► known_truth ──► learned_causes
 //!                             ├──► field ──► field_adjoint ──► meshes
-//!                             └──► tokens
+//!                             └──► tokens ──► attention
 //! notation       paper symbol, name in the code, shape, unit        bibliography    cited works
 //! ```
 //!
@@ -70,6 +70,9 @@ pub mod meshes {}
 
 #[doc = include_str!("tokens.md")]
 pub mod tokens {}
+
+#[doc = include_str!("attention.md")]
+pub mod attention {}
 
 #[doc = include_str!("notation.md")]
 pub mod notation {}

@@ -1,7 +1,7 @@
 //! Layers of transformers where they fail elsewhere: constant rows, large logits, tokens that nothing attends to, chains beyond one chunk.
 
 use lastlight::nn::attention::{self, In, InBar};
-use lastlight::nn::{gelu, layernorm};
+use lastlight::nn::{block, gelu, layernorm, linear};
 use lastlight::num::par;
 use lastlight::num::rng::Rng;
 
@@ -154,4 +154,95 @@ fn chains_of_more_than_one_chunk_agree_with_f64_for_any_number_of_threads() {
         let found = f64::from(bar.w_qkv[at]);
         assert!((found / expected - 1.0).abs() < 1e-4, "{name}: {found} and {expected}");
     }
+}
+
+/// Tokens and weights of a block of width 8 with two heads and a hidden width of 20.
+struct Block {
+    arrays: [Vec<f32>; 13],
+    tokens: usize,
+}
+
+impl Block {
+    fn new(tokens: usize) -> Self {
+        let sizes = [8 * tokens, 8, 8, 192, 24, 64, 8, 8, 8, 160, 20, 160, 8];
+        let scale = |i: usize| if i == 0 { 1.0 } else { 0.5 };
+        let array = |i: usize| normals(sizes[i], 20 + i as u16).into_iter().map(|x| scale(i) * x).collect();
+        Self { arrays: std::array::from_fn(array), tokens }
+    }
+
+    fn input(&self) -> block::In<'_> {
+        let a = &self.arrays;
+        block::In {
+            x: &a[0],
+            ln1_gain: &a[1],
+            ln1_bias: &a[2],
+            w_qkv: &a[3],
+            b_qkv: &a[4],
+            w_out: &a[5],
+            b_out: &a[6],
+            ln2_gain: &a[7],
+            ln2_bias: &a[8],
+            w_fc1: &a[9],
+            b_fc1: &a[10],
+            w_fc2: &a[11],
+            b_fc2: &a[12],
+            tokens: self.tokens,
+            heads: 2,
+            eps: 1e-6,
+        }
+    }
+
+    fn run(&self, y_bar: &[f32]) -> (Vec<f32>, block::InBar) {
+        let (x, mut y) = (self.input(), vec![0.0; 8 * self.tokens]);
+        let saved = block::forward(&x, &mut y);
+        let mut bar = block::InBar::zeros_like(&x);
+        block::adjoint(&x, saved, y_bar, &mut bar);
+        (y, bar)
+    }
+}
+
+#[test]
+fn a_block_has_the_same_bits_for_any_number_of_threads_and_with_nothing_saved() {
+    for tokens in [1, 47, 48, 49, 300] {
+        let (made, y_bar) = (Block::new(tokens), normals(8 * tokens, 40));
+        let [one, three] =
+            [1, 3].map(|threads| par::with_threads(threads, || made.run(&y_bar)).expect("threads"));
+        assert!(one == three, "{tokens} tokens: the same bits");
+        let mut y = vec![0.0; 8 * tokens];
+        block::values(&made.input(), &mut y);
+        assert!(y == one.0, "{tokens} tokens: the same bits with nothing saved");
+    }
+}
+
+#[test]
+fn a_block_is_the_sum_of_its_operators() {
+    let (made, tokens) = (Block::new(70), 70);
+    let x = made.input();
+    let mut n = vec![0.0; 8 * tokens];
+    layernorm::forward(&layernorm::In { x: x.x, gain: x.ln1_gain, bias: x.ln1_bias, eps: x.eps }, &mut n);
+    let mut h = vec![0.0; 8 * tokens];
+    let layer = In {
+        x: &n,
+        w_qkv: x.w_qkv,
+        b_qkv: x.b_qkv,
+        w_out: x.w_out,
+        b_out: x.b_out,
+        attended: &[],
+        tokens,
+        heads: 2,
+    };
+    attention::forward(&layer, &mut h);
+    h.iter_mut().zip(x.x).for_each(|(h, x)| *h += x);
+    layernorm::forward(&layernorm::In { x: &h, gain: x.ln2_gain, bias: x.ln2_bias, eps: x.eps }, &mut n);
+    let (mut z, mut hidden) = (vec![0.0; 20 * tokens], vec![0.0; 20 * tokens]);
+    let first = linear::In { x: &n, weight: x.w_fc1, bias: x.b_fc1, m: tokens, n: 20, k: 8 };
+    linear::forward(first, &mut z);
+    gelu::forward(&z, &mut hidden);
+    let mut expected = vec![0.0; 8 * tokens];
+    let second = linear::In { x: &hidden, weight: x.w_fc2, bias: x.b_fc2, m: tokens, n: 8, k: 20 };
+    linear::forward(second, &mut expected);
+    expected.iter_mut().zip(&h).for_each(|(y, h)| *y += h);
+    let mut y = vec![0.0; 8 * tokens];
+    block::values(&x, &mut y);
+    assert!(y == expected, "the same bits");
 }

@@ -16,7 +16,7 @@
 //!
 //! # Rounding
 //! That of [`mod@super::layernorm`], [`mod@super::attention`], [`mod@super::linear`] and [`mod@super::gelu`] in the order of the equation; each of
-//! the two sums with h or x is rounded once more. The network is computed for [`ROWS`] tokens at a time, whose hidden values stay in the
+//! the two sums with h or x is rounded once more. The network is computed for 48 tokens at a time, whose hidden values stay in the
 //! second-level cache; this changes no bit. Memory is linear in T.
 //!
 //! # Kinks and domain

@@ -3,6 +3,7 @@
 mod elem;
 mod gemm;
 mod lanes;
+mod online;
 mod order;
 mod rng;
 mod sum;

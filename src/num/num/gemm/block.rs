@@ -220,11 +220,16 @@ impl<L: Left> Block<'_, L> {
                 Some(tile) => &mut tile[half..],
                 None => &mut [],
             };
-            let mut chains = match (leg.is_first, self.how) {
-                (true, Finish::Resume) => Chains::<S, R>::of_rows(simd, rows, at),
-                (true, _) => Chains::fresh(simd),
-                (false, _) => Chains::resumed(simd, tile),
-            };
+            // Chains of pairs are in memory, where they are loaded, stored and written in place: passed on by value they
+            // would be copied. With wider registers it is the other way round.
+            let mut chains = Chains::<S, R>::fresh(simd);
+            match (leg.is_first, self.how) {
+                (true, Finish::Resume) if S::IS_BASE => chains.load_rows(rows, at),
+                (true, Finish::Resume) => chains = Chains::of_rows(simd, rows, at),
+                (true, _) => {}
+                (false, _) if S::IS_BASE => chains.load(tile),
+                (false, _) => chains = Chains::resumed(simd, tile),
+            }
             if leg.is_last && matches!(self.how, Finish::Add) {
                 // The values to be added to were written long ago; fetching them now makes them available
                 // when the chains end.
@@ -234,10 +239,11 @@ impl<L: Left> Block<'_, L> {
                 }
             }
             self.a.resume(read, &mut chains, &self.b.panel(p)[leg.ks.clone()]);
-            if leg.is_last {
-                chains.finish(rows, at, [from, *left], self.how);
-            } else {
-                chains.rest(tile);
+            match (leg.is_last, S::IS_BASE) {
+                (true, true) => chains.finish_alone(rows, at, [from, *left], self.how),
+                (true, false) => chains.finish(rows, at, [from, *left], self.how),
+                (false, true) => chains.rest_alone(tile),
+                (false, false) => chains.rest(tile),
             }
         }
     }

@@ -53,6 +53,11 @@ pub(super) trait Sixteen: Copy + Send + Sync {
     fn load(self, x: &[f32; COLUMNS]) -> Self::V;
     /// Stores a vector to memory.
     fn store(self, x: Self::V) -> [f32; COLUMNS];
+    /// Like [`Self::store`], to a place that exists.
+    #[inline(always)]
+    fn put(self, x: Self::V, into: &mut [f32; COLUMNS]) {
+        *into = self.store(x);
+    }
     /// Returns the same number in all sixteen lanes.
     fn splat(self, x: f32) -> Self::V;
     /// x + y
@@ -87,6 +92,12 @@ impl Sixteen for Pairs {
         all[..8].copy_from_slice(&x[0].to_array());
         all[8..].copy_from_slice(&x[1].to_array());
         all
+    }
+
+    #[inline(always)]
+    fn put(self, x: Self::V, into: &mut [f32; COLUMNS]) {
+        into[..8].copy_from_slice(&x[0].to_array());
+        into[8..].copy_from_slice(&x[1].to_array());
     }
 
     #[inline(always)]
@@ -270,17 +281,23 @@ impl<S: Sixteen, const R: usize> Chains<S, R> {
     #[inline(always)]
     pub(super) fn resumed(simd: S, tile: &[Columns]) -> Self {
         let mut chains = Self::fresh(simd);
-        for (acc, row) in chains.acc.iter_mut().zip(&tile[..R]) {
-            *acc = simd.load(&row.0);
-        }
+        chains.load(tile);
         chains
+    }
+
+    /// Like [`Self::resumed`], in place.
+    #[inline(always)]
+    pub(super) fn load(&mut self, tile: &[Columns]) {
+        for (acc, row) in self.acc.iter_mut().zip(&tile[..R]) {
+            *acc = self.simd.load(&row.0);
+        }
     }
 
     /// Stores the chains in rows of a tile.
     #[inline(always)]
     pub(super) fn rest(self, tile: &mut [Columns]) {
         for (row, acc) in tile[..R].iter_mut().zip(self.acc) {
-            *row = Columns(self.simd.store(acc));
+            self.simd.put(acc, &mut row.0);
         }
     }
 
@@ -365,6 +382,24 @@ impl<S: Sixteen, const R: usize> Chains<S, R> {
         *self = chains;
     }
 
+    /// Like [`Self::rest`], out of line.
+    #[inline(never)]
+    pub(super) fn rest_alone(&self, tile: &mut [Columns]) {
+        Self { simd: self.simd, acc: self.acc }.rest(tile);
+    }
+
+    /// Like [`Self::finish`], out of line.
+    #[inline(never)]
+    pub(super) fn finish_alone(
+        &self,
+        rows: &mut [&mut [f32]],
+        at: usize,
+        place: [usize; 2],
+        how: Finish<'_>,
+    ) {
+        Self { simd: self.simd, acc: self.acc }.finish(rows, at, place, how);
+    }
+
     /// Like [`Self::across`], for complete rows with a stride of at least R; returns the number of k.
     #[inline(never)]
     fn across_alone(&mut self, a: &[f32], stride: usize, columns: &[Columns]) -> usize {
@@ -429,18 +464,25 @@ impl<S: Sixteen, const R: usize> Chains<S, R> {
     #[inline(always)]
     pub(super) fn of_rows(simd: S, rows: &[&mut [f32]], at: usize) -> Self {
         let mut chains = Self::fresh(simd);
+        chains.load_rows(rows, at);
+        chains
+    }
+
+    /// Like [`Self::of_rows`], in place.
+    #[inline(always)]
+    pub(super) fn load_rows(&mut self, rows: &[&mut [f32]], at: usize) {
+        let simd = self.simd;
         if let Some(rows) = rows.first_chunk::<R>()
             && rows[0].len() >= at + COLUMNS
         {
             for i in 0..R {
-                chains.acc[i] = simd.load(rows[i][at..].first_chunk().expect("sixteen columns"));
+                self.acc[i] = simd.load(rows[i][at..].first_chunk().expect("sixteen columns"));
             }
-            return chains;
+            return;
         }
-        for (acc, row) in chains.acc.iter_mut().zip(rows) {
+        for (acc, row) in self.acc.iter_mut().zip(rows) {
             *acc = simd.load(&padded(&row[at..row.len().min(at + COLUMNS)]));
         }
-        chains
     }
 
     /// Writes to at most R rows of c from column `at` on; in the product, they begin at row and column `place`.
@@ -473,7 +515,7 @@ impl<S: Sixteen, const R: usize> Chains<S, R> {
         {
             for i in 0..R {
                 let c = rows[i][at..].first_chunk_mut::<COLUMNS>().expect("sixteen columns");
-                *c = self.simd.store(value(i, self.acc[i], c));
+                self.simd.put(value(i, self.acc[i], c), c);
             }
             return;
         }
