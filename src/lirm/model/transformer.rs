@@ -96,13 +96,13 @@ impl Ready<'_> {
         let (mut at, mut blocks) = (Vec::new(), Vec::new());
         for b in 0..self.config.blocks {
             let mut y = vec![0.0; x.len()];
-            let saved = block::forward(&self.block(b, &x), &mut y);
+            match keep {
+                Some(Keep::All) => blocks.push(block::forward(&self.block(b, &x), &mut y)),
+                _ => block::values(&self.block(b, &x), &mut y),
+            }
             let before = std::mem::replace(&mut x, y);
-            if let Some(keep) = keep {
+            if keep.is_some() {
                 at.push(before);
-                if keep == Keep::All {
-                    blocks.push(saved);
-                }
             }
         }
         x.truncate(rows * d);
