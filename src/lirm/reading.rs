@@ -50,7 +50,7 @@ pub fn inputs(views: &Views, has_photo: bool) -> Result<Vec<Input>> {
         return Err(Error::input("images")
             .expected(format!("at most {MOST_TOKENS} squares of {PATCH}x{PATCH} pixels in a set"))
             .got(tokens.to_string())
-            .hint("--set-size reads fewer images at a time, --downscale makes them smaller"));
+            .hint("--images-per-set reads fewer images at a time, --downscale makes them smaller"));
     }
     Ok(all)
 }

@@ -54,12 +54,6 @@ fn a_published_capture_is_imported_fitted_scored_and_relit() {
     assert!(relit["benchmark"]["relit"]["mean"]["psnr_mask_db"].is_number(), "{relit}");
     assert!(relit["benchmark"]["views"].is_null(), "the field's colours hold another light: {relit}");
     assert_eq!(std::fs::read_dir(dir.join("relit/relit")).expect("a folder").count(), 1, "a render");
-
-    // A capture that names none: a map beside it, where `lirm gen` writes one, is suggested.
-    let unlit = ["field", "eval", "f", "ball", "--relight"];
-    refused(&unlit, dir, 2, &["environment_path", "neither"]);
-    std::fs::write(dir.join("environment.exr"), b"").expect("written");
-    refused(&unlit, dir, 2, &["--env environment.exr"]);
 }
 
 #[test]

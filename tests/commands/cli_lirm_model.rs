@@ -35,8 +35,10 @@ fn a_model_reads_images_and_more_of_them() {
     assert_eq!(next["settings"]["whole"], true);
 
     let capture = "set/object_00000/uniform";
-    let one =
-        json(&line(&format!("lirm reconstruct {capture} --model m --set-size 4 --out r --json -q")), dir);
+    let one = json(
+        &line(&format!("lirm reconstruct {capture} --model m --images-per-set 4 --out r --json -q")),
+        dir,
+    );
     assert_eq!(one["sets"], serde_json::json!([4, 4, 4, 4]), "sixteen input images");
     assert_eq!(one["evaluation"]["views"].as_array().map(Vec::len), Some(12), "twelve outputs");
     for file in ["field.safetensors", "state.safetensors", "report/index.html", "result.json"] {
@@ -48,6 +50,12 @@ fn a_model_reads_images_and_more_of_them() {
         "a field like others"
     );
 
+    // A capture that names no map; one beside it, where `lirm gen` writes it for objects under one, is suggested.
+    let relit = line("field eval r set/object_00000/uniform --relight");
+    refused(&relit, dir, 2, &["environment_path", "neither"]);
+    std::fs::write(dir.join("set/object_00000/environment.exr"), b"").expect("written");
+    refused(&relit, dir, 2, &["--env set/object_00000/environment.exr"]);
+
     // The first set, then the others: the same bits.
     let text = std::fs::read_to_string(dir.join(capture).join("transforms_train.json")).expect("a capture");
     let frames: Value = serde_json::from_str(&text).expect("JSON");
@@ -55,7 +63,7 @@ fn a_model_reads_images_and_more_of_them() {
         frames["frames"].as_array().expect("frames").iter().filter_map(|f| f["file_path"].as_str()).collect();
     let [first, others] = [names[..4].join(","), names[4..].join(",")];
     json(
-        &["lirm", "reconstruct", capture, "--model", "m", "--images", &first, "--out", "a", "--json", "-q"],
+        &["lirm", "reconstruct", capture, "--model", "m", "--inputs", &first, "--out", "a", "--json", "-q"],
         dir,
     );
     let args = [
@@ -65,9 +73,9 @@ fn a_model_reads_images_and_more_of_them() {
         capture,
         "--model",
         "m",
-        "--images",
+        "--inputs",
         &others,
-        "--set-size",
+        "--images-per-set",
         "4",
         "--out",
         "b",
@@ -81,7 +89,7 @@ fn a_model_reads_images_and_more_of_them() {
     assert_eq!(size("a"), size("b"), "a state does not grow");
     let cropped = json(
         &line(&format!(
-            "lirm reconstruct {capture} --model n --crop-side 72 --set-size 16 --out c --json -q"
+            "lirm reconstruct {capture} --model n --crop-side 72 --images-per-set 16 --out c --json -q"
         )),
         dir,
     );
@@ -89,10 +97,10 @@ fn a_model_reads_images_and_more_of_them() {
 
     refused(&line(&format!("lirm update a {capture} --model n --out d")), dir, 2, &["--model", "digest"]);
     refused(
-        &line(&format!("lirm reconstruct {capture} --model m --images none --out d")),
+        &line(&format!("lirm reconstruct {capture} --model m --inputs none --out d")),
         dir,
         2,
-        &["--images", "none"],
+        &["--inputs", "none"],
     );
     refused(
         &line(&format!("lirm reconstruct {capture} --model m --crop-side 60 --out d")),

@@ -18,7 +18,7 @@ const LIGHTS: &Choices = &[
     ("environment", "an environment map"),
     ("shiny", "the map, and smoother materials"),
 ];
-/// Values of `--order`.
+/// Values of `--input-order`.
 const ORDERS: &Choices =
     &[("random", "in a random order"), ("sequential", "around the object: every set shows one side")];
 
@@ -27,7 +27,7 @@ const ORDERS: &Choices =
 #[command(after_help = "Examples:
   lastlight lirm eval s1c                                   24 objects of seed 2
   lastlight lirm eval s1c --seed 1 --objects 8              for choices
-  lastlight lirm eval s3 --light environment --order sequential
+  lastlight lirm eval s3 --light environment --input-order sequential
 
 Every object has 48 views (lirm gen --cameras test): 16 inputs in four sets, read at 64x64, and 12 outputs, compared at 128x128. Beside the model stand two baselines that know the same foreground: the nearest input image, and the visual hull of the inputs with their mean colours. PSNR in dB over white, means over outputs, then objects.")]
 pub(crate) struct Args {
@@ -45,7 +45,7 @@ pub(crate) struct Args {
     light: String,
     /// Order of the inputs
     #[arg(long, value_name = "NAME", default_value = "random", value_parser = choices(ORDERS))]
-    order: String,
+    input_order: String,
     /// Samples per pixel of the objects' images
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     samples: u32,
@@ -65,7 +65,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let model = Model::read(&args.model)?;
     let ready = Ready::new(model.config, &model.params);
     let settings = evaluate::settings(args.seed, args.samples);
-    let order = if args.order == "random" { Order::Random } else { Order::Sequential };
+    let order = if args.input_order == "random" { Order::Random } else { Order::Sequential };
     let look =
         Look { samples: args.steps as usize, inverse_beta: args.inverse_beta, least_weight: Some(1e-3) };
     meter.lap("reading");
@@ -81,7 +81,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         .map(|s| json!({ "object": s.object, "psnr_db": s.rounds.iter().map(|r| r.model).collect::<Vec<f64>>() }))
         .collect();
     let record = json!({
-        "model": args.model, "stages": model.stages, "light": args.light, "order": args.order, "seed": args.seed,
+        "model": args.model, "stages": model.stages, "light": args.light, "order": args.input_order, "seed": args.seed,
         "rounds": means, "objects": objects,
     });
     if cli::is_json() {

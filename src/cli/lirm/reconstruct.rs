@@ -33,11 +33,11 @@ struct Common {
     #[arg(long, value_name = "FILE")]
     model: PathBuf,
     /// Images to read, by name, comma-separated or repeated [default: all training images]
-    #[arg(long, value_name = "NAME", value_delimiter = ',')]
-    images: Vec<String>,
+    #[arg(long, value_name = "FILE", value_delimiter = ',')]
+    inputs: Vec<String>,
     /// Images of a set: the state is updated after each [default: all at once]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
-    set_size: Option<u32>,
+    images_per_set: Option<u32>,
     /// Cut a square around the object out of every image and bring it to this many pixels, a multiple of 8; the model was trained with 64
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(8..=4096))]
     crop_side: Option<u32>,
@@ -63,8 +63,8 @@ struct Common {
 /// Reconstruct an object from a few images, without an optimisation.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
-  lastlight lirm reconstruct object/uniform --model s1c --images 0018,0021,0040,0045 --out r1
-  lastlight lirm update r1 object/uniform --model s1c --images 0020,0028,0041,0046 --out r2     with four more images
+  lastlight lirm reconstruct object/uniform --model s1c --inputs 0018,0021,0040,0045 --out r1
+  lastlight lirm update r1 object/uniform --model s1c --inputs 0020,0028,0041,0046 --out r2     with four more images
   lastlight lirm reconstruct photos --model s3 --crop-side 64 --out r           any capture with masks
   lastlight field mesh r1 --out mesh.glb                                        as for a fitted field
   lastlight field eval r1 object/uniform --mesh object/object.glb
@@ -81,12 +81,12 @@ pub(crate) struct Args {
 /// Improve a reconstruction with more images.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
-  lastlight lirm update r1 object/uniform --model s1c --images 0020,0028,0041,0046 --out r2
+  lastlight lirm update r1 object/uniform --model s1c --inputs 0020,0028,0041,0046 --out r2
 
 The state must have been made by the same model. The box of the object stays that of the state.")]
 pub(crate) struct UpdateArgs {
     /// State, or the folder of a reconstruction
-    #[arg(value_name = "STATE")]
+    #[arg(value_name = "FILE")]
     state: PathBuf,
     /// Folder with transforms.json or a COLMAP model, or the transforms.json itself
     #[arg(value_name = "DIR")]
@@ -98,7 +98,7 @@ pub(crate) struct UpdateArgs {
 impl Common {
     /// The images to read: indices among those of the capture.
     fn chosen(&self, pictures: &Pictures) -> Result<Vec<usize>> {
-        if self.images.is_empty() {
+        if self.inputs.is_empty() {
             return Ok(pictures.views.train.clone());
         }
         let stem = |name: &str| {
@@ -110,12 +110,12 @@ impl Common {
             let exact = all.iter().position(|p| p.name == *wanted);
             exact.or_else(|| all.iter().position(|p| stem(&p.name) == stem(wanted))).ok_or_else(|| {
                 let first = all.first().map_or_else(String::new, |p| p.name.clone());
-                Error::input("--images")
+                Error::input("--inputs")
                     .expected(format!("names of the capture, such as {first}"))
                     .got(wanted.clone())
             })
         };
-        self.images.iter().map(find).collect()
+        self.inputs.iter().map(find).collect()
     }
 
     /// The sets as inputs.
@@ -126,7 +126,7 @@ impl Common {
         at: Placement,
         has_photo: bool,
     ) -> Result<Vec<Vec<Input>>> {
-        let size = self.set_size.map_or(which.len(), |n| n as usize);
+        let size = self.images_per_set.map_or(which.len(), |n| n as usize);
         let set = |some: &[usize]| {
             let views = Views::of_capture(pictures, some, at)?;
             let views = self.crop_side.map_or_else(|| views.clone(), |side| views.cropped(side as usize));
@@ -205,7 +205,7 @@ fn made(args: &Common, capture: &std::path::Path, before: Option<State>, kind: &
     let views: Vec<Value> = scored.iter().map(|s| s.json()).collect();
     let digest = field.digest()?;
     let settings = json!({
-        "capture": capture, "model": args.model, "images": args.images, "set_size": args.set_size, "crop_side": args.crop_side,
+        "capture": capture, "model": args.model, "inputs": args.inputs, "images_per_set": args.images_per_set, "crop_side": args.crop_side,
         "downscale": args.downscale, "samples": args.samples, "inverse_beta": args.inverse_beta,
     });
     let record = json!({

@@ -115,12 +115,12 @@ impl Object {
             first += crop.size[0] * crop.size[1];
         }
         let (values_bar, opacity_bar) = (rendered.values_bar, rendered.opacity_bar);
-        let (points, points_bar) = self.compare_points(&out.points, weight * points)?;
-        Ok(Drawn { loss: loss + points, plan, out, values_bar, opacity_bar, points_bar })
+        let (distance, points_bar) = self.compare_points(&out.points, [weight, points])?;
+        Ok(Drawn { loss: loss + distance, plan, out, values_bar, opacity_bar, points_bar })
     }
 
     /// The mean squared distance between the surface points of the rays and the true ones, plus that along the optical axes; over all rays.
-    fn compare_points(&self, found: &[[f32; 3]], weight: f32) -> Result<(f32, Vec<[f32; 3]>)> {
+    fn compare_points(&self, found: &[[f32; 3]], [whole, own]: [f32; 2]) -> Result<(f32, Vec<[f32; 3]>)> {
         if self.surface.is_empty() {
             return Ok((0.0, Vec::new()));
         }
@@ -142,7 +142,7 @@ impl Object {
         let pair = loss::In { x: &x, y: &y, mask: Some(&mask), height: 4 * n, width: 1 };
         let (value, saved) = mse::forward_over(&pair, mse::Over::All)?;
         // The mean over all rows instead of all numbers.
-        let weight = 4.0 * weight;
+        let weight = 4.0 * whole * own;
         let mut pulled = vec![0.0; x.len()];
         mse::adjoint(&pair, &saved, weight, &mut pulled, None);
         let back = |(row, axis): (&[f32; 4], &[f32; 3])| std::array::from_fn(|k| row[k] + row[3] * axis[k]);
