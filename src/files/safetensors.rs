@@ -234,10 +234,10 @@ pub fn write(path: &Path, arrays: &Arrays, metadata: &BTreeMap<String, String>) 
     write_in(path, Precision::Single, arrays, metadata)
 }
 
-/// Like [`write`], with single-precision arrays in the given precision.
+/// Like [`write()`], with single-precision arrays in the given precision.
 ///
 /// # Errors
-/// See [`write`].
+/// See [`write()`].
 pub fn write_in(
     path: &Path,
     precision: Precision,

@@ -4,14 +4,14 @@ use crate::program::{json, lastlight, refused};
 use serde_json::Value;
 use std::path::Path;
 
-fn line<'a>(text: &'a str) -> Vec<&'a str> {
+fn line(text: &str) -> Vec<&str> {
     text.split_whitespace().collect()
 }
 
 /// A model after one step, and an object of test views.
 fn made(dir: &Path) -> Value {
     let set = "lirm gen --cameras test --size 64 --samples 1 --texture 32 --out set -q";
-    assert!(lastlight(&line(set), dir).status.success());
+    assert!(lastlight(&line(set), dir).status.success(), "a set");
     let train = "lirm train --stage 1a --steps 1 --batch 1 --objects-at-once 1 --out m --json -q";
     json(&line(train), dir)
 }

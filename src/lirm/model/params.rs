@@ -246,7 +246,7 @@ mod tests {
         for config in [Config::SMALL, small, Config { planes: 3, plane_tokens: 11, embed_tokens: 0, ..small }]
         {
             let arrays = first(&config, 0);
-            assert_eq!(arrays.iter().map(|a| a.1.len()).fold(0, |s, n| s + n), count(&config));
+            assert_eq!(arrays.iter().fold(0, |sum, (_, a)| sum + a.len()), count(&config));
         }
     }
 

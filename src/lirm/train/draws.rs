@@ -157,7 +157,7 @@ mod tests {
         let stage = Stage::named("1a").expect("a name");
         let choice = Draws { seed: 1, stage: &stage, batch: 1, block: 1 }.choice(0, 0);
         let around = |i: usize| {
-            let side = if choice.sets[0].contains(&i) || i % 4 == 0 { 1.0 } else { -1.0 };
+            let side = if choice.sets[0].contains(&i) || i.is_multiple_of(4) { 1.0 } else { -1.0 };
             [side, 0.001 * i as f32, 0.0]
         };
         let centers: Vec<[f32; 3]> = (0..VIEWS).map(around).collect();
