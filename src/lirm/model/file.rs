@@ -174,6 +174,6 @@ mod tests {
         let e = write(&|_, m| drop(m.insert("kind".to_owned(), "field".to_owned())));
         assert!(e.contains("kind"), "{e}");
         let e = write(&|_, m| drop(m.insert("configuration".to_owned(), Config::SMALL.json().to_string())));
-        assert!(e.contains("block/"), "another configuration: {e}");
+        assert!(e.contains("tokens/image"), "another configuration: {e}");
     }
 }
