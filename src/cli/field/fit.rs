@@ -30,7 +30,7 @@ use std::path::PathBuf;
 
 const EXAMPLES: &str = "\
 Examples:
-  lastlight field fit object/uniform --out fit             2 000 iterations, some minutes on two cores
+  lastlight field fit object/uniform --out fit             4 000 iterations, seven to nine minutes on two cores
   lastlight field fit --out fit --resume                   go on after an interruption, with the same options and bits
   lastlight field fit object/shiny --out fit --nde         colours that depend on the direction of view
   lastlight field fit photos/ --out fit --env probe.exr    materials by shading under a known light
@@ -50,7 +50,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     /// Iterations
-    #[arg(long, value_name = "N", default_value_t = 2000)]
+    #[arg(long, value_name = "N", default_value_t = 4000)]
     iterations: usize,
     /// Number of planes: 6 (one per side of each axis) or 3
     #[arg(long, value_name = "N", default_value_t = 6)]

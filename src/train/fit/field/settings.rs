@@ -97,7 +97,7 @@ pub struct Settings {
 impl Default for Settings {
     fn default() -> Self {
         Self {
-            iterations: 2000,
+            iterations: 4000,
             seed: 0,
             planes: 6,
             side: 128,
