@@ -3,7 +3,8 @@
 //! `OCCUPANCY_FITS=FIT:CAPTURE,… cargo bench --workspace --bench occupancy` prints tables in Markdown. FIT is the folder
 //! or the file of a field, CAPTURE the capture that it was fitted to. Each field is rendered at 1/β = 250 with 1024
 //! steps along the diagonal of its box: four crops of 192² pixels of images of 512², drawn as for a fit (more often where
-//! the object is). `OCCUPANCY_ROUNDS` rounds (3), in each of which all ways of rendering follow each other.
+//! the object is). `OCCUPANCY_ROUNDS` rounds (3), in each of which all ways of rendering follow each other. Every sample that is taken is
+//! decoded by all heads; with `OCCUPANCY_LEAST_WEIGHT` the least weight of the fit is used, so that few are, however many are taken.
 
 use crate::SAMPLES;
 use lastlight::field::fetch::{Combine, Planes};
@@ -210,6 +211,9 @@ pub(crate) fn run(list: &str) {
         let mut field = Field::read(Path::new(fit)).unwrap_or_else(|e| panic!("{e}"));
         field.settings.inverse_beta = INVERSE_BETA;
         field.settings.samples = SAMPLES;
+        if std::env::var_os("OCCUPANCY_LEAST_WEIGHT").is_none() {
+            field.settings.least_weight = None;
+        }
         let options = Options { background: [1.0; 3], ..Options::default() };
         let pictures = Pictures::load(Path::new(capture), &options, None).unwrap_or_else(|e| panic!("{e}"));
         let targets = pictures.targets(field.placement);
