@@ -1,4 +1,4 @@
-//! PyTorch in a process of its own, which runs when it is told to and waits otherwise.
+//! PyTorch in a process of its own, which runs on request and waits otherwise.
 
 use lastlight::io::npz;
 use lastlight::num::array::Arrays;
