@@ -10,9 +10,9 @@
 //! # use lastlight_train as lastlight;
 //! use lastlight::optim::clip::clip;
 //! let mut g = [3.0, 4.0];
-//! assert_eq!(clip(&mut g, 1.0), 5.0);
-//! assert_eq!(g, [0.6, 0.8]);
-//! assert_eq!(clip(&mut g, 2.0), 1.0);
+//! assert_eq!(clip(&mut g, 2.5), 5.0);
+//! assert_eq!(g, [1.5, 2.0]);
+//! assert_eq!(clip(&mut g, 3.0), 2.5);
 //! ```
 
 use crate::num::sum;
