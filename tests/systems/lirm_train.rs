@@ -4,6 +4,7 @@ use lastlight::fit::training::{Fit, History, Schedule, resume, run};
 use lastlight::lirm::model::config::Config;
 use lastlight::lirm::model::file::digest;
 use lastlight::lirm::model::params::first;
+use lastlight::lirm::train::distances::Distances;
 use lastlight::lirm::train::source::{Rendered, Source};
 use lastlight::lirm::train::stage::Stage;
 use lastlight::lirm::train::{Settings, Training};
@@ -35,6 +36,10 @@ impl Source for Kept {
         let views = self.of.object(k, version)?;
         made.insert((k, version.to_owned()), views.clone());
         Ok(views)
+    }
+
+    fn distances(&self, k: u64) -> lastlight::Result<Distances> {
+        self.of.distances(k)
     }
 
     fn record(&self) -> String {

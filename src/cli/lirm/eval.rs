@@ -66,8 +66,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let ready = Ready::new(model.config, &model.params);
     let settings = evaluate::settings(args.seed, args.samples);
     let order = if args.input_order == "random" { Order::Random } else { Order::Sequential };
-    let look =
-        Look { samples: args.steps as usize, inverse_beta: args.inverse_beta, least_weight: Some(1e-3) };
+    let look = Look::of_field(args.steps as usize, args.inverse_beta);
     meter.lap("reading");
     let mut all = Vec::new();
     for i in 0..args.objects as usize {

@@ -180,7 +180,7 @@ fn made(args: &Common, capture: &std::path::Path, before: Option<State>, kind: &
     let start = before.as_ref().map_or_else(|| ready.no_state(), |s| s.tokens.clone());
     let tokens = ready.read_all(&start, &sets);
     meter.lap("transformer");
-    let look = Look { samples: args.samples, inverse_beta: args.inverse_beta, least_weight: Some(1e-3) };
+    let look = Look::of_field(args.samples, args.inverse_beta);
     let field = ready.decode(&tokens, look, place);
     meter.lap("decoding");
     let mut read_so_far = before.map_or_else(Vec::new, |s| s.sets);

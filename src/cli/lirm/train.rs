@@ -62,6 +62,9 @@ pub(crate) struct Args {
     /// its successor weighs both by 10
     #[arg(long, value_name = "X", default_value_t = 0.0)]
     points: f32,
+    /// Weight of the squared error of the signed distance at points around the object, from its mesh
+    #[arg(long, value_name = "X", default_value_t = 0.0)]
+    distances: f32,
     /// Objects per step
     #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u8).range(1..=64))]
     batch: u8,
@@ -88,6 +91,7 @@ impl Args {
             stage.steps = steps as usize;
         }
         stage.points = self.points;
+        stage.distances = self.distances;
         stage.validate()?;
         Ok(Settings {
             stage,

@@ -6,6 +6,7 @@
 //! tree, ray ── closest | occluded ──► hit              (watertight test, hits ordered by (t, triangle))
 //! points, triangles ── nearest ──► distances ── compare ──► distance between two surfaces
 //! samples, vertices of a scan ── scan ──► the shape error of Stanford-ORB
+//! vertices, triangles, tree ── signed ──► signed distances of points
 //! bit_grid ── bricks ──► occupied bricks along a ray   (obvhs proposes the tree)
 //!
 //! volume ── components::fill_cavities ──► volume ── marching ──► mesh ── components::keep ──► mesh
@@ -65,6 +66,7 @@ mod pages;
 mod primitives;
 pub mod ray;
 pub mod scan;
+pub mod signed;
 pub mod smooth;
 pub mod texels;
 pub mod trace;

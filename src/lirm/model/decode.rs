@@ -14,6 +14,11 @@ use crate::field::render::InBar;
 use crate::nn::unpatch;
 use crate::scene::field::{Field, Heads, Network, Panoramas, Placement, Planes, Rule, Settings, Stencil};
 
+/// Samples with a smaller weight have the background's values.
+pub const LEAST_WEIGHT: f32 = 1e-3;
+/// A ray that ends early ends at this transmittance.
+pub const EARLY_STOP: f32 = 1e-4;
+
 /// How a decoded field is rendered.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Look {
@@ -23,6 +28,15 @@ pub struct Look {
     pub inverse_beta: f32,
     /// Samples with a smaller weight have the background's values.
     pub least_weight: Option<f32>,
+    /// A ray ends after the sample that reaches this transmittance.
+    pub early_stop: Option<f32>,
+}
+
+impl Look {
+    /// How a finished field is rendered.
+    pub fn of_field(samples: usize, inverse_beta: f32) -> Self {
+        Self { samples, inverse_beta, least_weight: Some(LEAST_WEIGHT), early_stop: Some(EARLY_STOP) }
+    }
 }
 
 /// The index, in the square of panoramas, of number i of the four panoramas with `side` rows of `side` texels.
@@ -95,6 +109,7 @@ impl Ready<'_> {
             rule: Rule::Analytic,
             inverse_beta: look.inverse_beta,
             least_weight: look.least_weight,
+            early_stop: look.early_stop,
             stencil: Stencil::Central,
             epsilon: 2.0 * HALF_SIZE / (planes.side - 1) as f32,
             ..Settings::default()

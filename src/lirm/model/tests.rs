@@ -49,7 +49,7 @@ fn params() -> Params {
 }
 
 const PLACEMENT: Placement = Placement { center: [0.0; 3], scale: 1.0 };
-const LOOK: Look = Look { samples: 16, inverse_beta: 10.0, least_weight: None };
+const LOOK: Look = Look { samples: 16, inverse_beta: 10.0, least_weight: None, early_stop: None };
 
 /// A linear function of all texels of the field that a state decodes to, after two sets of images of two sizes.
 fn value(params: &Params, state: &[f32], views: &[Input], c: [&[f32]; 2]) -> f64 {

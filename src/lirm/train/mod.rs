@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! stage     what a stage is: light, samples, 1/β, resolution, steps, rate
+//! distances points around an object with signed distances, for the recipe that compares them
 //! source    objects by index: rendered in memory, or read from folders      draws    which object, how turned, which views, in a step
 //!
 //! one step, of `batch` objects, `at_once` of them at a time:
@@ -19,6 +20,7 @@
 //! Every draw is a function of seed, step and place in the batch, and objects are made by index, so a training that is resumed has the bits of one that
 //! was not interrupted. Neither threads nor `at_once` nor recomputation change a bit.
 
+pub mod distances;
 mod draws;
 mod object;
 mod shown;
@@ -182,7 +184,7 @@ impl<'a> Training<'a> {
                 // The mean over the objects of the step and the sets of each.
                 let weight = 1.0 / (self.settings.batch * object.sets.len()) as f32;
                 let field = ready.decode(&read[i].0, look, object.placement);
-                let rendered = object.losses(&field, weight, self.settings.stage.points)?;
+                let rendered = object.losses(&field, weight, &self.settings.stage)?;
                 Ok((field, rendered))
             });
             let drawn = drawn.into_iter().collect::<Result<Vec<_>>>()?;

@@ -1,14 +1,18 @@
 //! One object of a step: its sets of input images, its crops, and their losses.
 
+use super::distances::Distances;
 use super::draws::Draws;
 use super::source::Pool;
-use super::stage::SIDE;
+use super::stage::{SIDE, Stage};
 use crate::Result;
 use crate::field::render::{self, InBar, OutBar, Plan};
 use crate::fit::field::Target;
 use crate::fit::field::crops::{self, Crop};
-use crate::fit::field::losses::{Rendered, Terms};
+use crate::fit::field::losses::{Rendered, Terms, albedo_scale};
+use crate::fit::field::normals::AtSurface;
+use crate::fit::field::occupied::filled;
 use crate::fit::field::scene::Weights;
+use crate::fit::field::surface::Stencils;
 use crate::fit::field::view::RayList;
 use crate::lirm::model::config::Config;
 use crate::lirm::model::transformer::Input;
@@ -22,6 +26,10 @@ const CROPS: usize = 4;
 const INPUT: usize = 64;
 /// Purpose of the seed of the places of crops; the item is the place in the batch.
 const PURPOSE: u16 = 0x0555;
+/// Weight of numerical normals.
+const NORMALS: f32 = 1.0;
+/// Cells per axis of the grid that samples are skipped by.
+const CELLS: usize = 64;
 /// Rays whose gradients are in memory at once.
 const CHUNK: usize = 1024;
 
@@ -35,6 +43,8 @@ pub(super) struct Object {
     rays: RayList,
     /// True points of the surface at the rays, and 1 where there is one; empty without the recipe that compares them.
     surface: Vec<([f32; 3], f32)>,
+    /// Points with signed distances; empty without that recipe.
+    distances: Distances,
     pub(super) placement: Placement,
 }
 
@@ -47,6 +57,10 @@ pub(super) struct Drawn {
     values_bar: Vec<f32>,
     opacity_bar: Vec<f32>,
     points_bar: Vec<[f32; 3]>,
+    distances_bar: Vec<f32>,
+    /// Rays whose numerical normals are compared, and the cotangents of these.
+    surface: AtSurface,
+    normals_bar: Vec<[f32; 3]>,
 }
 
 /// The points at which the rays of a crop meet the surface, from the pass of depth; only pixels that are covered completely count.
@@ -75,7 +89,8 @@ impl Object {
         pool: &Pool<'_>,
     ) -> Result<Self> {
         let choice = draws.choice(step, j);
-        let all = pool.get(choice.object);
+        let (all, distances) = pool.get(choice.object);
+        let distances = distances.turned(choice.turn);
         let chosen = |which: &[usize]| all.chosen(which).turned(choice.turn).lit(choice.brightness);
         let set = |which: &Vec<usize>| {
             let small = chosen(which).small(SIDE / INPUT)?;
@@ -98,25 +113,59 @@ impl Object {
                 points.extend(surface(target, crop, &own.collect::<Vec<_>>()));
             }
         }
-        Ok(Self { sets, targets, crops, rays, surface: points, placement: all.placement })
+        Ok(Self { sets, targets, crops, rays, surface: points, distances, placement: all.placement })
     }
 
     /// Renders the crops of a field and compares them.
-    pub(super) fn losses(&self, field: &Field, weight: f32, points: f32) -> Result<Drawn> {
+    pub(super) fn losses(&self, field: &Field, weight: f32, stage: &Stage) -> Result<Drawn> {
         let weights = Weights::of(field);
         let scene = weights.scene(self.rays.borrowed());
-        let mut plan = Plan::new(scene.all_intervals());
+        let intervals = match stage.is_last {
+            true => filled(field, CELLS)?.intervals(scene.rays, scene.step()),
+            false => scene.all_intervals(),
+        };
+        let mut plan = Plan::new(intervals);
         let out = render::forward(&scene, &mut plan);
         let mut rendered = Rendered::new(&out.values, &out.opacity, scene.channels());
-        let terms = Terms { weight: weight / self.crops.len() as f32, passes: true, lpips: None };
+        let scale = albedo_scale(&self.targets, &self.crops, &rendered);
+        let terms = Terms { weight: weight / self.crops.len() as f32, passes: true, lpips: None, scale };
         let (mut loss, mut first) = (0.0, 0);
         for crop in &self.crops {
             loss += terms.add(&self.targets[crop.view], crop, first, None, &mut rendered)?;
             first += crop.size[0] * crop.size[1];
         }
         let (values_bar, opacity_bar) = (rendered.values_bar, rendered.opacity_bar);
-        let (distance, points_bar) = self.compare_points(&out.points, [weight, points])?;
-        Ok(Drawn { loss: loss + distance, plan, out, values_bar, opacity_bar, points_bar })
+        let (distance, points_bar) = self.compare_points(&out.points, [weight, stage.points])?;
+        let (sdf, distances_bar) = self.distances.compare(field, weight * stage.distances)?;
+        let mut drawn = Drawn {
+            loss: (loss + distance) + sdf,
+            plan,
+            out,
+            values_bar,
+            opacity_bar,
+            points_bar,
+            distances_bar,
+            surface: AtSurface::default(),
+            normals_bar: Vec::new(),
+        };
+        if stage.is_last {
+            self.compare_normals(field, weight, &mut drawn)?;
+        }
+        Ok(drawn)
+    }
+
+    /// Adds the loss of numerical normals at the surface.
+    fn compare_normals(&self, field: &Field, weight: f32, drawn: &mut Drawn) -> Result<()> {
+        let surface = AtSurface::of(&self.targets, &self.crops, &drawn.out);
+        if surface.rays.is_empty() {
+            return Ok(());
+        }
+        let normals = Stencils::at(field, &surface.points).normals;
+        drawn.normals_bar = vec![[0.0; 3]; normals.len()];
+        let bar = &mut drawn.normals_bar;
+        drawn.loss += surface.compare(&self.targets, &self.crops, &normals, weight * NORMALS, bar)?;
+        drawn.surface = surface;
+        Ok(())
     }
 
     /// The mean squared distance between the surface points of the rays and the true ones, plus that along the optical axes; over all rays.
@@ -162,6 +211,87 @@ impl Object {
             ..OutBar::default()
         };
         render::adjoint(&scene, &drawn.plan, &drawn.out, &out_bar, CHUNK, &mut bar);
+        self.distances.pull(field, &drawn.distances_bar, &mut bar);
+        if !drawn.normals_bar.is_empty() {
+            let stencils = Stencils::at(field, &drawn.surface.points);
+            let zeros = vec![[0.0; 3]; drawn.normals_bar.len()];
+            stencils.pull(&zeros, &drawn.normals_bar, &mut bar.planes, &mut bar.heads.sdf);
+        }
         bar
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::source::Rendered;
+    use super::*;
+    use crate::lirm::model::params::first;
+    use crate::lirm::model::weights::Ready;
+
+    const TINY: Config = Config {
+        blocks: 1,
+        width: 16,
+        heads: 2,
+        plane_tokens: 2,
+        embed_tokens: 1,
+        channels: 4,
+        ..Config::SMALL
+    };
+
+    /// An object of a stage, and the field that a model with first values makes of its first set.
+    fn made(stage: &Stage) -> (Object, Field) {
+        let source = Rendered::new(0);
+        let mut pool = Pool::new(&source);
+        let draws = Draws { seed: 0, stage, batch: 1, block: 1 };
+        pool.fill(&draws, 0).expect("an object");
+        let object = Object::new(&draws, &TINY, 0, 0, &pool).expect("valid");
+        let params = first(&TINY, 0);
+        let ready = Ready::new(TINY, &params);
+        let (state, _) = ready.read(&ready.no_state(), &object.sets[0], None);
+        let mut field = ready.decode(&state, stage.look(0), object.placement);
+        // Larger texels, so that the signed distance is not the sphere alone.
+        let rng = Rng::new(3);
+        let texels = field.planes.values.iter_mut().enumerate();
+        texels.for_each(|(i, x)| *x += 2.0 * rng.uniform_f32(i as u64, 0, 1, 0) - 1.0);
+        (object, field)
+    }
+
+    fn stage() -> Stage {
+        Stage { samples: 24, target: [64, 16], ..Stage::named("1a").expect("a name") }
+    }
+
+    #[test]
+    fn gradients_of_the_terms_of_all_recipes_are_difference_quotients() {
+        let [plain, points, distances] = [[0.0, 0.0], [10.0, 0.0], [0.0, 10.0]]
+            .map(|[points, distances]| Stage { points, distances, ..stage() });
+        let mut losses = Vec::new();
+        for stage in [&plain, &points, &distances] {
+            let (object, field) = made(stage);
+            let drawn = object.losses(&field, 1.0, stage).expect("finite");
+            let g = object.pull(&field, &drawn).planes;
+            let square = g.iter().fold(0.0, |s, g| s + f64::from(*g) * f64::from(*g));
+            let moved = |h: f64| {
+                let mut field = field.clone();
+                let texels = field.planes.values.iter_mut().zip(&g);
+                texels.for_each(|(x, g)| *x += (h * f64::from(*g) / square.sqrt()) as f32);
+                f64::from(object.losses(&field, 1.0, stage).expect("finite").loss)
+            };
+            let slope = (moved(0.02) - moved(-0.02)) / 0.04;
+            assert!((slope - square.sqrt()).abs() < 0.03 * square.sqrt(), "{slope} {}", square.sqrt());
+            losses.push(drawn.loss);
+        }
+        assert!(losses[1] > losses[0] && losses[2] > losses[0], "both terms count: {losses:?}");
+    }
+
+    #[test]
+    fn the_last_stage_compares_numerical_normals() {
+        let sharp = Stage { inverse_beta: [200.0; 2], samples: 64, ..stage() };
+        let last = Stage { is_last: true, ..sharp.clone() };
+        let (object, field) = made(&last);
+        let [with, without] = [&last, &sharp].map(|s| object.losses(&field, 1.0, s).expect("finite"));
+        assert!(!with.surface.rays.is_empty(), "some rays are opaque");
+        assert!(with.loss > without.loss + 1e-4, "{} {}", with.loss, without.loss);
+        let [g, h] = [&with, &without].map(|drawn| object.pull(&field, drawn).planes);
+        assert_ne!(g, h);
     }
 }

@@ -3,12 +3,14 @@
 //! An object is in twelve batches ([`super::stage::USES`]). Objects come in blocks: a block is drawn in twelve random orders,
 //! one after the other, and is then forgotten. A resumed training renders the objects of its block again.
 
+use super::distances::Distances;
 use super::draws::Draws;
 use super::stage::{SIDE, VIEWS};
-use crate::Result;
 use crate::lirm::r#gen::{Lighting, Settings};
+use crate::lirm::subject::Subject;
 use crate::lirm::views::Views;
 use crate::num::par;
+use crate::{Error, Result};
 use std::collections::BTreeMap;
 use std::fmt::Debug;
 
@@ -22,6 +24,12 @@ pub trait Source: Sync + Debug {
     /// # Errors
     /// If the object cannot be made or read.
     fn object(&self, k: u64, version: &str) -> Result<Views>;
+
+    /// Points around object `k` with signed distances.
+    ///
+    /// # Errors
+    /// If the shape of the object is not known.
+    fn distances(&self, k: u64) -> Result<Distances>;
 
     /// What decides the objects, for checkpoints.
     fn record(&self) -> String;
@@ -59,6 +67,10 @@ impl Source for Rendered {
         Views::rendered(&self.settings, k, version)
     }
 
+    fn distances(&self, k: u64) -> Result<Distances> {
+        Distances::of(&Subject::new(&self.settings, k)?.object.mesh, self.settings.seed, k)
+    }
+
     fn record(&self) -> String {
         format!(
             "built-in objects of seed {}, {VIEWS} images of {SIDE}, {SAMPLES} samples",
@@ -71,7 +83,7 @@ impl Source for Rendered {
 #[derive(Debug)]
 pub(super) struct Pool<'a> {
     source: &'a dyn Source,
-    objects: BTreeMap<u64, Views>,
+    objects: BTreeMap<u64, (Views, Distances)>,
 }
 
 impl<'a> Pool<'a> {
@@ -88,9 +100,14 @@ impl<'a> Pool<'a> {
         let needed = draws.objects(step);
         self.objects.retain(|k, _| needed.contains(k));
         let missing: Vec<u64> = needed.into_iter().filter(|k| !self.objects.contains_key(k)).collect();
-        let made = par::map(missing.len(), |i| self.source.object(missing[i], draws.version(missing[i])));
-        for (k, views) in missing.into_iter().zip(made) {
-            self.objects.insert(k, views.map_err(|e| e.within(format!("object {k}")))?);
+        let made = par::map(missing.len(), |i| {
+            let k = missing[i];
+            let views = self.source.object(k, draws.version(k))?;
+            let is_compared = draws.stage.distances > 0.0;
+            Ok((views, if is_compared { self.source.distances(k)? } else { Distances::default() }))
+        });
+        for (k, object) in missing.into_iter().zip(made) {
+            self.objects.insert(k, object.map_err(|e: Error| e.within(format!("object {k}")))?);
         }
         Ok(())
     }
@@ -99,7 +116,7 @@ impl<'a> Pool<'a> {
     ///
     /// # Panics
     /// Panics if it has not.
-    pub(super) fn get(&self, k: u64) -> &Views {
+    pub(super) fn get(&self, k: u64) -> &(Views, Distances) {
         &self.objects[&k]
     }
 }

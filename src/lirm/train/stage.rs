@@ -10,9 +10,10 @@
 //! | 3 | the same | 1–3 | 128 | 100 → 125 | 128², 48² | 400 | 2·10⁻⁵ → 0 |
 //!
 //! The rate rises linearly over the first hundred steps (twenty in stage 3) to the first number, and falls along a cosine to the second. 1/β is
-//! linear. Stages 2 and 3 train all heads and read photos. Objects of a stage follow those of the one before.
+//! linear. Stages 2 and 3 train all heads and read photos; albedo is compared up to one factor per object. Stage 3 compares numerical normals too, takes samples
+//! in occupied cells only, and ends rays that are opaque. Objects of a stage follow those of the one before.
 
-use crate::lirm::model::decode::Look;
+use crate::lirm::model::decode::{EARLY_STOP, LEAST_WEIGHT, Look};
 use crate::num::elem::f64 as elem;
 use crate::num::order;
 use crate::{Error, Result};
@@ -24,8 +25,6 @@ pub const VIEWS: usize = 20;
 pub const SIDE: usize = 128;
 /// Batches that an object is in.
 pub const USES: usize = 12;
-/// Samples with a smaller weight have the background's values.
-const LEAST_WEIGHT: f32 = 1e-3;
 /// Names of the versions of an object, as in a set.
 pub const VERSIONS: [&str; 3] = ["uniform", "environment", "shiny"];
 
@@ -52,10 +51,14 @@ pub struct Stage {
     pub target: [usize; 2],
     /// Whether all heads are trained, and photos are read.
     pub is_whole: bool,
+    /// Whether numerical normals are compared too, and samples are taken in occupied cells only.
+    pub is_last: bool,
     /// Index of the first object.
     pub first_object: u64,
     /// Weight of the squared distance of surface points from the true ones, and of the part of it along the optical axis; 0 removes both.
     pub points: f32,
+    /// Weight of the squared error of the signed distance at points around the surface; 0 removes it.
+    pub distances: f32,
 }
 
 /// Names of the stages, in order.
@@ -78,8 +81,10 @@ impl Stage {
             inverse_beta,
             target: [64, 32],
             is_whole: false,
+            is_last: false,
             first_object,
             points: 0.0,
+            distances: 0.0,
         };
         let whole = |steps, rates, inverse_beta, first_object| Self {
             light: [0.25, 0.375, 0.375],
@@ -99,6 +104,7 @@ impl Stage {
                 rise: 20,
                 samples: 128,
                 target: [128, 48],
+                is_last: true,
                 ..whole(400, [2e-5, 0.0], [100.0, 125.0], 5900)
             },
             other => return Err(Error::input("--stage").expected(NAMES.join(", ")).got(other)),
@@ -118,8 +124,10 @@ impl Stage {
         if self.rates.iter().any(|r| !(0.0..=1.0).contains(r)) {
             return refuse("--rate", "0 to 1", format!("{:?}", self.rates));
         }
-        if !(0.0..=1e4).contains(&self.points) {
-            return refuse("--points", "0 to 10 000", self.points.to_string());
+        for (name, weight) in [("--points", self.points), ("--distances", self.distances)] {
+            if !(0.0..=1e4).contains(&weight) {
+                return refuse(name, "0 to 10 000", weight.to_string());
+            }
         }
         if self.sets == 0 || self.sets > 3 {
             return refuse("--sets", "1 to 3: each has up to six of twenty images", self.sets.to_string());
@@ -154,6 +162,7 @@ impl Stage {
             samples: self.samples,
             inverse_beta: (first + part * (last - first)) as f32,
             least_weight: Some(LEAST_WEIGHT),
+            early_stop: self.is_last.then_some(EARLY_STOP),
         }
     }
 
@@ -162,7 +171,7 @@ impl Stage {
         json!({
             "stage": self.name, "steps": self.steps, "rates": self.rates, "rise": self.rise, "light": self.light,
             "sets": self.sets, "samples": self.samples, "inverse_beta": self.inverse_beta, "target": self.target,
-            "first_object": self.first_object, "points": self.points,
+            "first_object": self.first_object, "points": self.points, "distances": self.distances,
         })
     }
 }

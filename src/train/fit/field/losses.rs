@@ -7,8 +7,8 @@
 //! | roughness, metallic | 1, 1 | mean (x − y)² of values in −1..1 |
 //! | normal head | 1 | Σ ‖n − n*‖² over the compared pixels / number of all values |
 //!
-//! Means of colour and albedo are over the pixels that count, the others over all pixels of the crop. (LIRM, § 10.) Colours here are in 0..1, so their squares have the factor 4. The albedo of a pass is compared as it is,
-//! without the scale of `loss.albedo`: its scale is known, and a factor would leave it free. Every crop has the same weight.
+//! Means of colour and albedo are over the pixels that count, the others over all pixels of the crop. (LIRM, § 10.) Colours here are in 0..1, so their squares have the factor 4. A fit compares the albedo of a pass as it is:
+//! its scale is known, and a factor would leave it free. LIRM compares it up to a factor per object (`loss.albedo`). Every crop has the same weight.
 
 use super::adding::add;
 use super::crops::Crop;
@@ -17,7 +17,8 @@ use crate::Result;
 use crate::field::render::Channels;
 use crate::loss::lpips::{self, Weights};
 use crate::loss::mse::Over;
-use crate::loss::{In, mse, ssim};
+use crate::loss::{In, albedo, mse, ssim};
+use crate::num::order;
 
 /// Factor of squares of values in 0..1 for values in −1..1.
 const WIDE: f32 = 4.0;
@@ -80,6 +81,30 @@ pub struct Terms<'a> {
     pub passes: bool,
     /// Weights of LPIPS; without them the structural similarity is compared.
     pub lpips: Option<&'a Weights>,
+    /// Factor of linear albedo ([`albedo_scale`]); `None` compares albedo as it is.
+    pub scale: Option<f32>,
+}
+
+/// Albedo over black from its values over white, which cannot be below 0 but for rounding.
+fn over_black(values: &[f32], opacity: &[f32]) -> Vec<f32> {
+    let pixels = values.as_chunks::<3>().0.iter().zip(opacity);
+    pixels.flat_map(|(v, o)| v.map(|v| order::max(v - (1.0 - o), 0.0))).collect()
+}
+
+/// The factor of linear albedo that makes its mean over the covered pixels of all crops the true one; `None` where there is no pass.
+pub fn albedo_scale(targets: &[Target], crops: &[Crop], out: &Rendered<'_>) -> Option<f32> {
+    let at = out.channels.albedo?;
+    let (mut found, mut truth, mut kept, mut first) = (Vec::new(), Vec::new(), Vec::new(), 0);
+    for crop in crops {
+        let target = &targets[crop.view];
+        let rays = first..first + crop.size[0] * crop.size[1];
+        first = rays.end;
+        found.extend(over_black(&out.picked(rays.clone(), at, 3), &out.opacity[rays]));
+        truth.extend(cropped(target.albedo.as_ref()?, target.camera.width, crop, 3));
+        let covered = cropped(&target.foreground, target.camera.width, crop, 1);
+        kept.extend(covered.iter().map(|m| f32::from(u8::from(*m == 1.0))));
+    }
+    Some(albedo::scale(&found, &truth, &kept))
 }
 
 impl Terms<'_> {
@@ -89,7 +114,29 @@ impl Terms<'_> {
         let (square, saved) = mse::forward(pair)?;
         let weight = WIDE * self.weight;
         mse::adjoint(pair, &saved, weight, &mut bar, None);
-        let mut value = weight * square;
+        let value = weight * square + self.structure(pair, &mut bar)?;
+        Ok((value, bar))
+    }
+
+    /// Albedo up to a factor: squares, and structure. Returns the cotangents of values over white and of opacity.
+    fn scaled(&self, pair: &In<'_>, opacity: &[f32], scale: f32) -> Result<(f32, Vec<f32>, Vec<f32>)> {
+        let prediction = over_black(pair.x, opacity);
+        let x = albedo::In { prediction: &prediction, truth: pair.y, opacity, scale };
+        let (square, saved) = albedo::forward(&x);
+        let adjusted = In { x: &saved.adjusted, ..*pair };
+        let mut adjusted_bar = vec![0.0; pair.x.len()];
+        let structure = self.structure(&adjusted, &mut adjusted_bar)?;
+        let weight = WIDE * self.weight;
+        let (mut bar, mut opacity_bar) = (vec![0.0; pair.x.len()], vec![0.0; opacity.len()]);
+        albedo::adjoint(&x, &saved, weight, &adjusted_bar, &mut bar, &mut opacity_bar);
+        // Over black is over white − (1 − O).
+        let pixels = bar.as_chunks::<3>().0.iter().zip(&mut opacity_bar);
+        pixels.for_each(|(p, o)| *o += (p[0] + p[1]) + p[2]);
+        Ok((weight * square + structure, bar, opacity_bar))
+    }
+
+    /// LPIPS or structure, whose cotangents are added.
+    fn structure(&self, pair: &In<'_>, bar: &mut [f32]) -> Result<f32> {
         if let Some(weights) = self.lpips {
             let is_kept = |pixel: usize| pair.mask.is_none_or(|m| m[pixel] != 0.0);
             let both = pair.x.iter().zip(pair.y).enumerate();
@@ -104,14 +151,12 @@ impl Terms<'_> {
             for pixel in (0..height * width).filter(|i| is_kept(*i)) {
                 add(&mut bar[3 * pixel..][..3], &part[3 * pixel..][..3]);
             }
-            value += weight * distance;
-        } else {
-            let (alike, saved) = ssim::forward(pair)?;
-            let weight = STRUCTURE * self.weight;
-            ssim::adjoint(pair, &saved, -weight, &mut bar, None);
-            value += weight * (1.0 - alike);
+            return Ok(weight * distance);
         }
-        Ok((value, bar))
+        let (alike, saved) = ssim::forward(pair)?;
+        let weight = STRUCTURE * self.weight;
+        ssim::adjoint(pair, &saved, -weight, bar, None);
+        Ok(weight * (1.0 - alike))
     }
 
     /// Squares over all values, 0 where the mask is.
@@ -153,7 +198,15 @@ impl Terms<'_> {
                 continue;
             }
             let (x, y) = (out.picked(rays.clone(), at, 3), of(truth, 3));
-            let (loss, bar) = self.image(&In { x: &x, y: &y, mask, height, width })?;
+            let pair = In { x: &x, y: &y, mask, height, width };
+            let (loss, bar) = match self.scale.filter(|_| Some(at) == albedo) {
+                None => self.image(&pair)?,
+                Some(scale) => {
+                    let (loss, bar, opacity_bar) = self.scaled(&pair, &out.opacity[rays.clone()], scale)?;
+                    add(&mut out.opacity_bar[rays.clone()], &opacity_bar);
+                    (loss, bar)
+                }
+            };
             out.put(rays.clone(), at, 3, &bar);
             sum += loss;
         }
@@ -187,5 +240,70 @@ impl Terms<'_> {
             sum += loss;
         }
         Ok(sum)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::num::rng::Rng;
+
+    const SIZE: [usize; 2] = [12, 12];
+
+    fn numbers(seed: u64, n: usize) -> Vec<f32> {
+        let rng = Rng::new(seed);
+        (0..n).map(|i| 0.1 + 0.8 * rng.uniform_f32(i as u64, 0, 1, 0)).collect()
+    }
+
+    const TERMS: Terms<'_> = Terms { weight: 0.5, passes: true, lpips: None, scale: None };
+
+    /// Values over white, opacities, and true albedo.
+    fn images() -> [Vec<f32>; 3] {
+        let n = SIZE[0] * SIZE[1];
+        let opacity = numbers(1, n);
+        let values = numbers(2, 3 * n)
+            .into_iter()
+            .enumerate()
+            .map(|(i, v)| v * opacity[i / 3] + (1.0 - opacity[i / 3]));
+        [values.collect(), opacity, numbers(3, 3 * n)]
+    }
+
+    #[test]
+    fn gradients_of_scaled_albedo_are_difference_quotients() {
+        let [values, opacity, truth] = images();
+        let value = |v: &[f32], o: &[f32]| {
+            let pair = In { x: v, y: &truth, mask: None, height: SIZE[0], width: SIZE[1] };
+            TERMS.scaled(&pair, o, 0.9).expect("finite")
+        };
+        let (_, v_bar, o_bar) = value(&values, &opacity);
+        for (name, gradient, is_opacity) in [("values", v_bar, false), ("opacity", o_bar, true)] {
+            let square = gradient.iter().fold(0.0, |s, g| s + f64::from(*g) * f64::from(*g));
+            let moved = |h: f64| {
+                let (mut v, mut o) = (values.clone(), opacity.clone());
+                let array = if is_opacity { &mut o } else { &mut v };
+                let step = |(x, g): (&mut f32, &f32)| *x += (h * f64::from(*g) / square.sqrt()) as f32;
+                array.iter_mut().zip(&gradient).for_each(step);
+                f64::from(value(&v, &o).0)
+            };
+            let slope = (moved(0.01) - moved(-0.01)) / 0.02;
+            assert!(
+                (slope - square.sqrt()).abs() < 0.02 * square.sqrt(),
+                "{name}: {slope} {}",
+                square.sqrt()
+            );
+        }
+    }
+
+    #[test]
+    fn albedo_is_compared_up_to_one_factor() {
+        let [_, _, truth] = images();
+        let opaque = vec![1.0; SIZE[0] * SIZE[1]];
+        // Half of the linear albedo.
+        let half: Vec<f32> = truth.iter().map(|t| (0.5 * t.powf(2.2)).powf(1.0 / 2.2)).collect();
+        let pair = In { x: &half, y: &truth, mask: None, height: SIZE[0], width: SIZE[1] };
+        let scale = albedo::scale(&half, &truth, &opaque);
+        let (scaled, ..) = TERMS.scaled(&pair, &opaque, scale).expect("finite");
+        let (plain, _) = TERMS.image(&pair).expect("finite");
+        assert!((scale - 2.0).abs() < 1e-5 && scaled < 1e-9 && plain > 1e-3, "{scale} {scaled} {plain}");
     }
 }

@@ -12,6 +12,7 @@
 //!   scene ──► field.render ──► losses ──► cotangents of values and opacity      (on whole crops)
 //!                 │            shaded ──► those of materials, and the light's gradient
 //!                 │            surface ─► gradients of the signed distance's network and planes, from points at the surface
+//!                 │            normals    the comparison of numerical normals with a pass
 //!                 └──────────► adjoint of field.render, some rays at a time     (deferred back-propagation)
 //!   state     one step of Adam
 //!
@@ -36,7 +37,8 @@ pub mod benchmark;
 pub mod crops;
 pub mod losses;
 pub mod mesh;
-mod occupied;
+pub mod normals;
+pub mod occupied;
 pub mod place;
 pub mod scene;
 mod schedule;
@@ -44,7 +46,7 @@ pub mod scores;
 mod settings;
 pub mod shaded;
 mod state;
-mod surface;
+pub mod surface;
 pub mod targets;
 pub mod view;
 
@@ -91,12 +93,6 @@ struct Batch {
     rays: view::RayList,
     /// (N, 3) colours of the images.
     colors: Vec<f32>,
-}
-
-/// Rays with a surface.
-struct Surface {
-    rays: Vec<usize>,
-    points: Vec<[f32; 3]>,
 }
 
 impl<'a> FieldFit<'a> {
@@ -158,54 +154,12 @@ impl<'a> FieldFit<'a> {
         Batch { crops, rays, colors }
     }
 
-    /// Rays that end at a surface of the object.
-    fn surface(&self, batch: &Batch, out: &render::Out) -> Surface {
-        let mut covered = Vec::with_capacity(out.opacity.len());
-        for crop in &batch.crops {
-            let target = &self.targets.train[crop.view];
-            let of = |all: &[f32]| losses::cropped(all, target.camera.width, crop, 1);
-            let kept = target.kept.as_ref().map(|kept| of(kept));
-            let is_kept = |i: usize| kept.as_ref().is_none_or(|k| k[i] != 0.0);
-            covered.extend(of(&target.foreground).iter().enumerate().map(|(i, m)| *m > 0.5 && is_kept(i)));
-        }
-        let is_there = |i: &usize| out.opacity[*i] > render::VALID && covered[*i];
-        let rays: Vec<usize> = (0..out.opacity.len()).filter(is_there).collect();
-        Surface { points: rays.iter().map(|i| out.points[*i]).collect(), rays }
-    }
-
     /// Whether numerical normals are computed in a stage, and whether they are compared with a pass.
     fn normals_in(&self, stage: usize) -> (bool, bool) {
         let has_pass = self.targets.train.iter().all(|t| t.normal.is_some());
         let compares = has_pass && stage == LAST && self.settings.materials == Materials::Passes;
         let follows = self.settings.has_normal_head() && !has_pass;
         (compares || follows || self.settings.materials == Materials::Shaded, compares)
-    }
-
-    /// The loss of numerical normals at the surface, whose cotangents are added to `bar`.
-    fn compare_normals(
-        &self,
-        batch: &Batch,
-        surface: &Surface,
-        normals: &[[f32; 3]],
-        bar: &mut [[f32; 3]],
-    ) -> Result<f32> {
-        let (mut truth, mut solid) = (Vec::new(), Vec::new());
-        for crop in &batch.crops {
-            let target = &self.targets.train[crop.view];
-            let Some(normal) = &target.normal else { return Ok(0.0) };
-            truth.extend(losses::cropped(normal, target.camera.width, crop, 3));
-            solid.extend(losses::cropped(&target.solid, target.camera.width, crop, 1));
-        }
-        let all = solid.len();
-        let y: Vec<f32> = surface.rays.iter().flat_map(|r| truth[3 * r..3 * r + 3].to_vec()).collect();
-        let mask: Vec<f32> = surface.rays.iter().map(|r| solid[*r]).collect();
-        let x = normals.as_flattened();
-        let pair = loss::In { x, y: &y, mask: Some(&mask), height: mask.len(), width: 1 };
-        let (value, saved) = loss::mse::forward_over(&pair, loss::mse::Over::All)?;
-        // Over all pixels, as the other terms.
-        let weight = NORMALS * mask.len() as f32 / all as f32;
-        loss::mse::adjoint(&pair, &saved, weight, bar.as_flattened_mut(), None);
-        Ok(weight * value)
     }
 
     /// The losses of a render, with the cotangents of values and opacity; what does not pass through the renderer is added to
@@ -221,7 +175,7 @@ impl<'a> FieldFit<'a> {
         let weights = scene::Weights::of(field);
         let channels = weights.scene(batch.rays.borrowed()).channels();
         let mut rendered = losses::Rendered::new(&out.values, &out.opacity, channels);
-        let at_surface = self.surface(batch, out);
+        let at_surface = normals::AtSurface::of(&self.targets.train, &batch.crops, out);
         let (has_normals, compares) = self.normals_in(s.stage(iteration).index);
         let stencils = (has_normals && !at_surface.rays.is_empty())
             .then(|| surface::Stencils::at(field, &at_surface.points));
@@ -234,6 +188,7 @@ impl<'a> FieldFit<'a> {
             weight: 1.0 / batch.crops.len() as f32,
             passes: s.materials != Materials::Shaded,
             lpips: self.lpips.map(|m| &m.weights),
+            scale: None,
         };
         let (mut loss, mut first) = (0.0, 0);
         for crop in &batch.crops {
@@ -244,7 +199,8 @@ impl<'a> FieldFit<'a> {
         if let Some(stencils) = &stencils {
             let mut normals_bar = vec![[0.0; 3]; stencils.normals.len()];
             if compares {
-                loss += self.compare_normals(batch, &at_surface, &stencils.normals, &mut normals_bar)?;
+                let (all, crops) = (&self.targets.train, &batch.crops);
+                loss += at_surface.compare(all, crops, &stencils.normals, NORMALS, &mut normals_bar)?;
             }
             if s.materials == Materials::Shaded {
                 let valid = shaded::Valid {

@@ -15,7 +15,7 @@ use crate::scene::field::Field;
 use crate::{Error, num::array::Array};
 
 /// Iterations between fills.
-pub(super) const EVERY: usize = 16;
+const EVERY: usize = 16;
 /// 1/β from which a grid is used.
 const SHARP: f32 = 30.0;
 /// Cells per axis during a fit.
@@ -25,7 +25,7 @@ const SIDE: usize = 64;
 ///
 /// # Errors
 /// When a value of the field is not finite.
-pub(super) fn filled(field: &Field, side: usize) -> Result<Occupancy> {
+pub fn filled(field: &Field, side: usize) -> Result<Occupancy> {
     let weights = Weights::of(field);
     let learned = Learned::new(scene::planes(field), scene::combine(field), &weights.sdf())?;
     let s = &field.settings;

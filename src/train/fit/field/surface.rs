@@ -27,21 +27,24 @@ const AROUND: f32 = 3.0;
 const NEAR: f32 = 4.0;
 
 /// Signed distances at points, with what their adjoint needs.
-struct Distances<'a> {
+#[derive(Debug)]
+pub struct Distances<'a> {
     field: &'a Field,
     points: Vec<[f32; 3]>,
     features: Vec<f32>,
-    sdf: Vec<f32>,
+    /// (N) the distances.
+    pub sdf: Vec<f32>,
     saved: sdf_head::Saved,
 }
 
 /// Signed distances at the stencils of points.
-pub(super) struct Stencils<'a> {
+#[derive(Debug)]
+pub struct Stencils<'a> {
     distances: Distances<'a>,
     /// (N, 3) gradients.
-    pub(super) gradients: Vec<[f32; 3]>,
+    pub gradients: Vec<[f32; 3]>,
     /// (N, 3) unit normals.
-    pub(super) normals: Vec<[f32; 3]>,
+    pub normals: Vec<[f32; 3]>,
 }
 
 /// The layers of the signed distance: of a trunk, the first row of its last layer.
@@ -55,8 +58,8 @@ fn layers<'a>(weights: &Weights<'a>) -> Vec<&'a [f32]> {
 }
 
 impl<'a> Distances<'a> {
-    /// Decodes points.
-    fn at(field: &'a Field, points: Vec<[f32; 3]>) -> Self {
+    /// Decodes points, which are constants.
+    pub fn at(field: &'a Field, points: Vec<[f32; 3]>) -> Self {
         let (planes, combine) = (scene::planes(field), scene::combine(field));
         let mut features = vec![0.0; points.len() * combine.width(planes.channels)];
         fetch::forward(&planes, combine, &points, &mut features);
@@ -69,7 +72,7 @@ impl<'a> Distances<'a> {
     }
 
     /// Adds the gradients for the cotangents of the distances to those of planes and of the network.
-    fn pull(&self, sdf_bar: &[f32], planes_bar: &mut [f32], network_bar: &mut [Vec<f32>]) {
+    pub fn pull(&self, sdf_bar: &[f32], planes_bar: &mut [f32], network_bar: &mut [Vec<f32>]) {
         let weights = Weights::of(self.field);
         let layers = layers(&weights);
         let x = sdf_head::In {
@@ -93,7 +96,7 @@ impl<'a> Distances<'a> {
 
 impl<'a> Stencils<'a> {
     /// Decodes the stencils of points.
-    pub(super) fn at(field: &'a Field, points: &[[f32; 3]]) -> Self {
+    pub fn at(field: &'a Field, points: &[[f32; 3]]) -> Self {
         let (stencil, epsilon) = (scene::stencil(field), field.settings.epsilon);
         let width = stencil.width();
         let all = points.iter().flat_map(|x| (0..width).map(move |i| stencil.point(i, epsilon, *x)));
@@ -103,7 +106,7 @@ impl<'a> Stencils<'a> {
     }
 
     /// Adds the gradients for the cotangents of gradients and normals to those of planes and of the network.
-    pub(super) fn pull(
+    pub fn pull(
         &self,
         gradients_bar: &[[f32; 3]],
         normals_bar: &[[f32; 3]],
