@@ -99,8 +99,8 @@ impl<'a> Hull<'a> {
         (n > 0.0).then(|| sum.map(|x| x / n))
     }
 
-    /// An image over white, (H, W, 3).
-    pub fn image(&self, camera: &Camera) -> Vec<f32> {
+    /// An image over white, (H, W, 3), and where the hull is, (H, W): one ray per pixel.
+    pub fn image(&self, camera: &Camera) -> (Vec<f32>, Vec<f32>) {
         let mean = self.mean();
         let row = |y: usize| {
             let one = |x: usize| {
@@ -109,11 +109,12 @@ impl<'a> Hull<'a> {
                     let (o, d) = (o.map(f64::from), d.map(f64::from));
                     self.first(o, d).map(|t| along(o, d, t))
                 });
-                hit.map_or([1.0; 3], |p| self.color(p).unwrap_or(mean))
+                hit.map_or(([1.0; 3], 0.0), |p| (self.color(p).unwrap_or(mean), 1.0))
             };
-            (0..camera.width).map(one).collect::<Vec<[f32; 3]>>()
+            (0..camera.width).map(one).collect::<Vec<([f32; 3], f32)>>()
         };
-        par::map(camera.height, row).concat().into_flattened()
+        let (color, covered): (Vec<[f32; 3]>, _) = par::map(camera.height, row).concat().into_iter().unzip();
+        (color.into_flattened(), covered)
     }
 
     /// The mean colour of the object, for points that no image shows.

@@ -2,25 +2,46 @@
 //!
 //! The protocol is that of the test views ([`data_gen::cameras::test`]): sixteen inputs in four sets of four, in a random order or around the
 //! object, and twelve outputs from other directions. Inputs are read at 64², outputs are rendered and compared at 128². Beside the
-//! model stand the baselines of [`super::baselines`] with the inputs so far.
+//! model stand the baselines of [`super::baselines`] with the inputs so far and, for materials, the means of training objects.
+//!
+//! | name | of an output, then mean over outputs | |
+//! |---|---|---|
+//! | `psnr_db`, `nearest_db`, `hull_db` | PSNR over white: model, nearest input, visual hull | dB |
+//! | `ssim` | structural similarity | |
+//! | `foreground_iou`, `hull_iou` | pixels that are covered in both / in one, by half or more | |
+//! | `numerical_normals_deg` | angle of numerical normals | degrees |
+//! | `depth` | absolute difference of depth | units of the object: the ball has the radius ½ |
+//! | `albedo_db`, `mean_albedo_db` | PSNR of albedo after the least-squares scale of each channel; of the mean of training objects | dB |
+//! | `roughness`, `mean_roughness`, `metallic`, `mean_metallic` | absolute error | |
+//! | `distance_radii` | mean distance between the surfaces, samples to triangles | radii of the object |
+//!
+//! # Controls
+//! [`Control`] breaks one input of the model: a score that does not fall has not used it.
 
 use super::baselines::{Hull, nearest};
 use super::r#gen::{Lighting, Set, Settings};
 use super::model::decode::Look;
 use super::model::transformer::Input;
 use super::model::weights::Ready;
+use super::subject::Subject;
 use super::views::{View, Views};
 use crate::Result;
 use crate::fit::evaluate::compare;
-use crate::fit::field::view;
-use crate::num::sum;
+use crate::fit::field::benchmark::Shape;
+use crate::fit::field::{Target, mesh, scores, view};
+use crate::num::{order, par, sum};
 use data_gen::cameras;
 use serde_json::{Value, json};
+use std::collections::BTreeMap;
 
 /// Images of a set.
 pub const SET: usize = 4;
 /// Pixels per side of an image that is rendered, and of one that is read.
 const SIDES: [usize; 2] = [128, 64];
+/// Cells per axis of the grid from which the surface is extracted.
+const CELLS: usize = 96;
+/// Training objects whose materials are averaged, and their images.
+const MEANS: [u64; 2] = [24, 4];
 
 /// Order of the inputs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,16 +52,21 @@ pub enum Order {
     Sequential,
 }
 
-/// PSNR in dB of one object after one set of images, means over its outputs.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Round {
-    /// Of the model.
-    pub model: f64,
-    /// Of the nearest input.
-    pub nearest: f64,
-    /// Of the visual hull.
-    pub hull: f64,
+/// What is broken on purpose.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Control {
+    /// Nothing.
+    None,
+    /// The state is zero before every set after the first.
+    ZeroedState,
+    /// The images of every set have each other's cameras.
+    PermutedCameras,
+    /// From the second set on, the images show the next object.
+    OtherObject,
 }
+
+/// Numbers by name.
+pub type Numbers = BTreeMap<&'static str, f64>;
 
 /// The scores of one object.
 #[derive(Clone, Debug)]
@@ -48,9 +74,30 @@ pub struct Scores {
     /// Index of the object.
     pub object: u64,
     /// After every set.
-    pub rounds: Vec<Round>,
+    pub rounds: Vec<Numbers>,
     /// Of every set, the first output: the model's image and the truth, (H, W, 3).
     pub images: Vec<[Vec<f32>; 2]>,
+}
+
+/// How a model is scored.
+#[derive(Clone, Debug)]
+pub struct Protocol {
+    /// The test set.
+    pub set: Settings,
+    /// Version of the objects.
+    pub version: String,
+    /// Order of the inputs.
+    pub order: Order,
+    /// How fields are rendered.
+    pub look: Look,
+    /// What is broken on purpose.
+    pub control: Control,
+    /// Sets that the model reads, of four.
+    pub sets: usize,
+    /// Mean albedo (sRGB-encoded), roughness and metallic of training objects ([`means_of_materials`]); `None` leaves the comparison out.
+    pub means: Option<([f32; 3], [f32; 2])>,
+    /// Whether surfaces are compared.
+    pub shapes: bool,
 }
 
 /// The settings of the test set of a seed.
@@ -66,69 +113,190 @@ pub fn settings(seed: u64, samples: u32) -> Settings {
     }
 }
 
+/// Means of albedo (of linear values, sRGB-encoded), roughness and metallic over the covered pixels of the first objects of a seed, in a
+/// version.
+///
+/// # Errors
+/// If an object cannot be made.
+pub fn means_of_materials(seed: u64, version: &str) -> Result<([f32; 3], [f32; 2])> {
+    let [objects, images] = MEANS;
+    let settings = Settings {
+        lighting: Lighting::Both,
+        shiny: true,
+        size: SIDES[1],
+        samples: 1,
+        views: images as usize,
+        seed,
+        ..Settings::default()
+    };
+    let made = par::map(objects as usize, |k| Views::rendered(&settings, k as u64, version));
+    let (mut sums, mut count) = ([0.0; 5], 0.0);
+    for views in made {
+        let views = views?;
+        for target in (0..views.all.len()).map(|i| views.target(i)) {
+            let (Some(albedo), Some(material)) = (&target.albedo, &target.material) else { continue };
+            let covered = (0..target.foreground.len()).filter(|i| target.foreground[*i] == 1.0);
+            for i in covered {
+                let linear = |x: f32| crate::loss::metric::orb::decode(f64::from(x));
+                (0..3).for_each(|c| sums[c] += linear(albedo[3 * i + c]));
+                (0..2).for_each(|c| sums[3 + c] += f64::from(material[2 * i + c]));
+                count += 1.0;
+            }
+        }
+    }
+    let mean = sums.map(|s: f64| s / order::max(count, 1.0));
+    let encoded = |x: f64| crate::loss::metric::orb::encode(x) as f32;
+    Ok((std::array::from_fn(|c| encoded(mean[c])), std::array::from_fn(|c| mean[3 + c] as f32)))
+}
+
+/// The intersection of two foregrounds over their union; 1 if both are empty.
+fn overlap(a: &[f32], b: &[f32]) -> f64 {
+    let pairs = || a.iter().zip(b).map(|(a, b)| (*a >= 0.5, *b >= 0.5));
+    let both = pairs().filter(|(a, b)| *a && *b).count();
+    let one = pairs().filter(|(a, b)| *a || *b).count();
+    if one == 0 { 1.0 } else { both as f64 / one as f64 }
+}
+
+/// A constant image where the object is.
+fn constant<const N: usize>(target: &Target, value: [f32; N]) -> Vec<f32> {
+    target.foreground.iter().flat_map(|m| value.map(|v| v * m + (1.0 - m))).collect()
+}
+
+/// Inputs of every set, some of them broken.
+fn inputs(ready: &Ready<'_>, p: &Protocol, k: u64, views: &Views) -> Result<Vec<Vec<Input>>> {
+    let small = views.small(SIDES[0] / SIDES[1])?;
+    let other = match p.control {
+        Control::OtherObject => Some(Views::rendered(&p.set, k + 1, &p.version)?.small(SIDES[0] / SIDES[1])?),
+        _ => None,
+    };
+    let input = |of: &Views, i: usize, camera: usize| {
+        let mut view = of.all[i].clone();
+        view.picture.camera = of.all[camera].picture.camera.clone();
+        Input::of(&view, &of.placement, ready.config.is_whole)
+    };
+    let one = |(set, which): (usize, &[usize])| {
+        let of = other.as_ref().filter(|_| set > 0).unwrap_or(&small);
+        let camera = |n: usize| match p.control {
+            Control::PermutedCameras => which[(n + 1) % which.len()],
+            _ => which[n],
+        };
+        which.iter().enumerate().map(|(n, i)| input(of, *i, camera(n))).collect()
+    };
+    let order = order_of(p, k);
+    Ok(order.chunks(SET).take(p.sets).enumerate().map(one).collect())
+}
+
+/// The inputs of an object in the order of the protocol.
+fn order_of(p: &Protocol, k: u64) -> Vec<usize> {
+    let protocol = cameras::test(p.set.seed, k, p.set.size);
+    match p.order {
+        Order::Random => protocol.inputs.to_vec(),
+        Order::Sequential => protocol.sequential.to_vec(),
+    }
+}
+
 /// Scores a model on an object of a test set.
 ///
 /// # Errors
 /// If the object cannot be made, or a render is not finite.
-pub fn object(
-    ready: &Ready<'_>,
-    of: &Settings,
-    k: u64,
-    version: &str,
-    order: Order,
-    look: Look,
-) -> Result<Scores> {
-    let views = Views::rendered(of, k, version)?;
-    let small = views.small(SIDES[0] / SIDES[1])?;
-    let protocol = cameras::test(of.seed, k, of.size);
-    let inputs = match order {
-        Order::Random => protocol.inputs,
-        Order::Sequential => protocol.sequential,
-    };
-    let (mut state, mut scores) =
-        (ready.no_state(), Scores { object: k, rounds: Vec::new(), images: Vec::new() });
-    for (round, set) in inputs.chunks(SET).enumerate() {
-        let read: Vec<Input> =
-            set.iter().map(|i| Input::of(&small.all[*i], &small.placement, ready.config.is_whole)).collect();
-        state = ready.read(&state, &read, None).0;
-        let field = ready.decode(&state, look, views.placement);
-        let so_far: Vec<&View> = inputs[..SET * (round + 1)].iter().map(|i| &views.all[*i]).collect();
+pub fn object(ready: &Ready<'_>, p: &Protocol, k: u64) -> Result<Scores> {
+    let views = Views::rendered(&p.set, k, &p.version)?;
+    let order = order_of(p, k);
+    let outputs = cameras::test(p.set.seed, k, p.set.size).outputs;
+    let truth = p.shapes.then(|| Subject::new(&p.set, k)).transpose()?;
+    let mut state = ready.no_state();
+    let mut scored = Scores { object: k, rounds: Vec::new(), images: Vec::new() };
+    for (round, set) in inputs(ready, p, k, &views)?.iter().enumerate() {
+        if p.control == Control::ZeroedState {
+            state = ready.no_state();
+        }
+        state = ready.read(&state, set, None).0;
+        let field = ready.decode(&state, p.look, views.placement);
+        let cells = view::occupancy(&field)?;
+        let so_far: Vec<&View> = order[..SET * (round + 1)].iter().map(|i| &views.all[*i]).collect();
         let hull = Hull::new(&so_far);
-        let mut all: [Vec<f64>; 3] = Default::default();
-        for (n, i) in protocol.outputs.iter().enumerate() {
+        let mut all: BTreeMap<&'static str, Vec<f64>> = BTreeMap::new();
+        for (n, i) in outputs.iter().enumerate() {
             let truth = views.target(*i);
-            let camera = &truth.camera;
-            let image = view::render(&field, None, camera, false).color().expect("fields have a colour");
-            let size = [camera.height, camera.width];
-            let colored = truth.colored.as_deref();
+            let one = output(&field, &cells, &truth, p)?;
+            let size = [truth.camera.height, truth.camera.width];
             let db = |x: &[f32]| -> Result<f64> {
+                let colored = truth.colored.as_deref();
                 Ok(compare(&truth.name, x, &truth.color, colored, size)?.score.psnr_db)
             };
-            all[0].push(db(&image)?);
-            all[1].push(db(&nearest(&so_far, camera).picture.color)?);
-            all[2].push(db(&hull.image(camera))?);
+            let (carved, covered) = hull.image(&truth.camera);
+            let mut put = |name: &'static str, x: f64| all.entry(name).or_default().push(x);
+            put("nearest_db", db(&nearest(&so_far, &truth.camera).picture.color)?);
+            put("hull_db", db(&carved)?);
+            put("hull_iou", overlap(&covered, &truth.foreground));
+            one.0.into_iter().for_each(|(name, x)| put(name, x));
             if n == 0 {
-                scores.images.push([image, truth.color.clone()]);
+                scored.images.push([one.1, truth.color.clone()]);
             }
         }
-        let [model, nearest, hull] = all.map(|x| sum::tree_f64(&x) / x.len() as f64);
-        scores.rounds.push(Round { model, nearest, hull });
+        // A number that an output lacks, such as an angle where nothing is opaque, is a mean over the others.
+        let mut round: Numbers =
+            all.into_iter().map(|(name, x)| (name, sum::tree_f64(&x) / x.len() as f64)).collect();
+        if let Some(truth) = &truth {
+            let settings = mesh::Settings { side: CELLS, ..mesh::Settings::default() };
+            if let Ok((surface, ..)) = mesh::shape(&field, &settings) {
+                round.insert(
+                    "distance_radii",
+                    Shape::of(&surface, &truth.object.mesh, p.set.seed)?.distance(),
+                );
+            }
+        }
+        scored.rounds.push(round);
     }
-    Ok(scores)
+    Ok(scored)
 }
 
-/// Means over objects as a JSON record.
+/// The scores of one output, and its image.
+fn output(
+    field: &crate::scene::field::Field,
+    cells: &crate::field::occupancy::Occupancy,
+    truth: &Target,
+    p: &Protocol,
+) -> Result<(Numbers, Vec<f32>)> {
+    let s = scores::score(field, cells, truth)?;
+    let mut out = Numbers::new();
+    let m = &s.materials;
+    let of_model = [
+        ("numerical_normals_deg", s.numerical_deg),
+        ("depth", s.depth),
+        ("albedo_db", m.albedo_aligned_db),
+        ("roughness", m.roughness),
+        ("metallic", m.metallic),
+    ];
+    out.extend(of_model.into_iter().filter_map(|(name, x)| Some((name, x?))));
+    out.insert("psnr_db", s.image.score.psnr_db);
+    out.insert("ssim", s.image.score.ssim);
+    out.insert("foreground_iou", overlap(&s.images.opacity, &truth.foreground));
+    if let Some((albedo, material)) = p.means.filter(|_| m.albedo_db.is_some()) {
+        let (albedo, material) = (constant(truth, albedo), constant(truth, material));
+        let m = scores::materials(Some(&albedo), Some(&material), truth)?;
+        let of_mean = [
+            ("mean_albedo_db", m.albedo_aligned_db),
+            ("mean_roughness", m.roughness),
+            ("mean_metallic", m.metallic),
+        ];
+        out.extend(of_mean.into_iter().filter_map(|(name, x)| Some((name, x?))));
+    }
+    Ok((out, s.image.image))
+}
+
+/// Means over objects, of the numbers that all have, as a JSON record.
 pub fn means(all: &[Scores]) -> Value {
     let rounds = all.first().map_or(0, |s| s.rounds.len());
-    let mean = |r: usize, of: fn(&Round) -> f64| {
-        let x: Vec<f64> = all.iter().map(|s| of(&s.rounds[r])).collect();
-        sum::tree_f64(&x) / x.len() as f64
-    };
     let one = |r: usize| {
-        json!({
-            "images": SET * (r + 1), "psnr_db": mean(r, |x| x.model), "nearest_db": mean(r, |x| x.nearest),
-            "hull_db": mean(r, |x| x.hull),
-        })
+        let mut record = json!({ "images": SET * (r + 1) });
+        for name in all[0].rounds[r].keys() {
+            let x: Option<Vec<f64>> = all.iter().map(|s| s.rounds[r].get(name).copied()).collect();
+            if let Some(x) = x {
+                record[name] = json!(sum::tree_f64(&x) / x.len() as f64);
+            }
+        }
+        record
     };
     Value::Array((0..rounds).map(one).collect())
 }

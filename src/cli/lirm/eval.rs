@@ -5,10 +5,11 @@ use crate::choices::{Choices, choices};
 use crate::console as cli;
 use crate::fit::training::Watch;
 use crate::meter::Meter;
-use lastlight_lirm::evaluate::{self, Order};
+use lastlight_lirm::evaluate::{self, Control, Order, Protocol};
 use lastlight_lirm::model::decode::Look;
 use lastlight_lirm::model::file::Model;
 use lastlight_lirm::model::weights::Ready;
+use lastlight_lirm::train::stage::last_inverse_beta;
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
@@ -22,6 +23,33 @@ const LIGHTS: &Choices = &[
 const ORDERS: &Choices =
     &[("random", "in a random order"), ("sequential", "around the object: every set shows one side")];
 
+/// Numbers that are printed: name, title, digits.
+const COLUMNS: [(&str, &str, usize); 15] = [
+    ("psnr_db", "PSNR", 2),
+    ("hull_db", "hull", 2),
+    ("nearest_db", "nearest", 2),
+    ("ssim", "SSIM", 3),
+    ("foreground_iou", "IoU", 3),
+    ("hull_iou", "of hull", 3),
+    ("numerical_normals_deg", "normals", 1),
+    ("distance_radii", "surface", 4),
+    ("albedo_db", "albedo", 2),
+    ("mean_albedo_db", "of mean", 2),
+    ("roughness", "roughness", 3),
+    ("mean_roughness", "of mean", 3),
+    ("metallic", "metallic", 3),
+    ("mean_metallic", "of mean", 3),
+    ("depth", "depth", 4),
+];
+
+/// Values of `--control`.
+const CONTROLS: &Choices = &[
+    ("none", "nothing is broken"),
+    ("zeroed-state", "the state is zero before every set after the first"),
+    ("permuted-cameras", "the images of every set have each other's cameras"),
+    ("other-object", "from the second set on, the images show another object"),
+];
+
 /// Score a LIRM model on built-in objects, after every set of four images.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
@@ -29,7 +57,7 @@ const ORDERS: &Choices =
   lastlight lirm eval s1c --seed 1 --objects 8              for choices
   lastlight lirm eval s3 --light environment --input-order sequential
 
-Every object has 48 views (lirm gen --cameras test): 16 inputs in four sets, read at 64x64, and 12 outputs, compared at 128x128. Beside the model stand two baselines that know the same foreground: the nearest input image, and the visual hull of the inputs with their mean colours. PSNR in dB over white, means over outputs, then objects.")]
+Every object has 48 views (lirm gen --cameras test): 16 inputs in four sets, read at 64x64, and 12 outputs, compared at 128x128. Beside the model stand two baselines that know the same foreground: the nearest input image, and the visual hull of the inputs with their mean colours; beside materials, the means of training objects. PSNR in dB over white; IoU of foregrounds; angles in degrees; distances of surfaces in radii of the object; means over outputs, then objects.")]
 pub(crate) struct Args {
     /// Model, or the folder of a training
     #[arg(value_name = "FILE")]
@@ -52,9 +80,18 @@ pub(crate) struct Args {
     /// Steps of a ray along the diagonal of the box
     #[arg(long, value_name = "N", default_value_t = 128, value_parser = clap::value_parser!(u32).range(8..=4096))]
     steps: u32,
-    /// 1/β, the largest density
-    #[arg(long, value_name = "X", default_value_t = 60.0)]
-    inverse_beta: f32,
+    /// 1/β, the largest density [default: that at the end of the last stage of the model]
+    #[arg(long, value_name = "X")]
+    inverse_beta: Option<f32>,
+    /// Break one input of the model: a score that does not fall has not used it
+    #[arg(long, value_name = "NAME", default_value = "none", value_parser = choices(CONTROLS))]
+    control: String,
+    /// Sets that are read
+    #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u8).range(1..=4))]
+    sets: u8,
+    /// Compare surfaces too
+    #[arg(long)]
+    shapes: bool,
     /// Seed of the objects
     #[arg(long, value_name = "N", default_value_t = 2)]
     seed: u64,
@@ -64,33 +101,57 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let mut meter = Meter::new();
     let model = Model::read(&args.model)?;
     let ready = Ready::new(model.config, &model.params);
-    let settings = evaluate::settings(args.seed, args.samples);
-    let order = if args.input_order == "random" { Order::Random } else { Order::Sequential };
-    let look = Look::of_field(args.steps as usize, args.inverse_beta);
+    let p = Protocol {
+        set: evaluate::settings(args.seed, args.samples),
+        version: args.light.clone(),
+        order: if args.input_order == "random" { Order::Random } else { Order::Sequential },
+        look: Look::of_field(
+            args.steps as usize,
+            args.inverse_beta.unwrap_or_else(|| last_inverse_beta(&model.stages)),
+        ),
+        control: match args.control.as_str() {
+            "zeroed-state" => Control::ZeroedState,
+            "permuted-cameras" => Control::PermutedCameras,
+            "other-object" => Control::OtherObject,
+            _ => Control::None,
+        },
+        sets: usize::from(args.sets),
+        means: model.config.is_whole.then(|| evaluate::means_of_materials(0, &args.light)).transpose()?,
+        shapes: args.shapes,
+    };
     meter.lap("reading");
     let mut all = Vec::new();
     for i in 0..args.objects as usize {
         meter.count(i, args.objects as usize, "scoring");
-        all.push(evaluate::object(&ready, &settings, args.first + i as u64, &args.light, order, look)?);
+        all.push(evaluate::object(&ready, &p, args.first + i as u64)?);
     }
     meter.done();
     let means = evaluate::means(&all);
-    let objects: Vec<Value> = all
-        .iter()
-        .map(|s| json!({ "object": s.object, "psnr_db": s.rounds.iter().map(|r| r.model).collect::<Vec<f64>>() }))
-        .collect();
+    let objects: Vec<Value> = all.iter().map(|s| json!({ "object": s.object, "rounds": s.rounds })).collect();
     let record = json!({
-        "model": args.model, "stages": model.stages, "light": args.light, "order": args.input_order, "seed": args.seed,
+        "model": args.model, "stages": model.stages, "light": args.light, "order": args.input_order, "control": args.control,
+        "seed": args.seed, "inverse_beta": p.look.inverse_beta,
         "rounds": means, "objects": objects,
     });
     if cli::is_json() {
         return cli::say_json(&record);
     }
-    let row = |r: &Value| {
-        let db = |key: &str| format!("{:8.2}", r[key].as_f64().unwrap_or(f64::NAN));
-        format!("{:>6}  {}  {}  {}", r["images"], db("psnr_db"), db("hull_db"), db("nearest_db"))
-    };
-    let mut lines = vec!["images     model      hull   nearest      PSNR in dB".to_owned()];
-    lines.extend(record["rounds"].as_array().into_iter().flatten().map(row));
+    let shown: Vec<&(&str, &str, usize)> = COLUMNS
+        .iter()
+        .filter(|(name, ..)| {
+            record["rounds"].as_array().is_some_and(|r| r.iter().any(|r| !r[name].is_null()))
+        })
+        .collect();
+    let mut lines =
+        vec![shown.iter().fold("images".to_owned(), |line, (_, title, _)| format!("{line}  {title:>9}"))];
+    for r in record["rounds"].as_array().into_iter().flatten() {
+        let number = |(name, _, digits): &&(&str, &str, usize)| match r[name].as_f64() {
+            Some(x) => format!("{x:9.digits$}"),
+            None => format!("{:>9}", "–"),
+        };
+        lines.push(
+            shown.iter().fold(format!("{:>6}", r["images"]), |line, c| format!("{line}  {}", number(c))),
+        );
+    }
     cli::say(&lines.join("\n"))
 }

@@ -22,6 +22,7 @@ use lastlight_lirm::model::state::{FILE as STATE, State};
 use lastlight_lirm::model::transformer::Input;
 use lastlight_lirm::model::weights::Ready;
 use lastlight_lirm::reading::inputs;
+use lastlight_lirm::train::stage::last_inverse_beta;
 use lastlight_lirm::views::Views;
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -50,9 +51,9 @@ struct Common {
     /// Steps of a ray along the diagonal of the box
     #[arg(long, value_name = "N", default_value_t = 192)]
     samples: usize,
-    /// 1/β, the largest density
-    #[arg(long, value_name = "X", default_value_t = 125.0)]
-    inverse_beta: f32,
+    /// 1/β, the largest density [default: that at the end of the last stage of the model]
+    #[arg(long, value_name = "X")]
+    inverse_beta: Option<f32>,
     /// Folder for the results; new or empty unless --force
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -180,7 +181,8 @@ fn made(args: &Common, capture: &std::path::Path, before: Option<State>, kind: &
     let start = before.as_ref().map_or_else(|| ready.no_state(), |s| s.tokens.clone());
     let tokens = ready.read_all(&start, &sets);
     meter.lap("transformer");
-    let look = Look::of_field(args.samples, args.inverse_beta);
+    let look =
+        Look::of_field(args.samples, args.inverse_beta.unwrap_or_else(|| last_inverse_beta(&model.stages)));
     let field = ready.decode(&tokens, look, place);
     meter.lap("decoding");
     let mut read_so_far = before.map_or_else(Vec::new, |s| s.sets);
@@ -206,7 +208,7 @@ fn made(args: &Common, capture: &std::path::Path, before: Option<State>, kind: &
     let digest = field.digest()?;
     let settings = json!({
         "capture": capture, "model": args.model, "inputs": args.inputs, "images_per_set": args.images_per_set, "crop_side": args.crop_side,
-        "downscale": args.downscale, "samples": args.samples, "inverse_beta": args.inverse_beta,
+        "downscale": args.downscale, "samples": args.samples, "inverse_beta": look.inverse_beta,
     });
     let record = json!({
         "kind": kind, "lastlight": env!("CARGO_PKG_VERSION"), "digest": digest, "sets": state.sets, "exposure": state.exposure,

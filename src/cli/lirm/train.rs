@@ -68,8 +68,8 @@ pub(crate) struct Args {
     /// Objects per step
     #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u8).range(1..=64))]
     batch: u8,
-    /// Objects that are in memory; the next ones follow after twelve steps of each
-    #[arg(long, value_name = "N", default_value_t = 48, value_parser = clap::value_parser!(u16).range(1..=4096))]
+    /// Objects that are in memory, 22 MB each; the next ones follow after twelve steps of each
+    #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u16).range(1..=4096))]
     objects_at_once: u16,
     /// Objects whose gradients are in memory at once; changes no bit [default: all of a step]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=64))]

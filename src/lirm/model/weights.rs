@@ -5,9 +5,13 @@
 
 use super::config::{Config, EPS, Fuse};
 use crate::nn::{block, fuse, unpatch, weight_norm};
+use crate::num::par;
 use crate::tape::{Grads, Params};
 use ndarray::{ArrayD, IxDyn};
 use std::collections::BTreeMap;
+
+/// Numbers per task of a sum of gradients.
+const CHUNK: usize = 1 << 15;
 
 /// Gradients by the names of arrays; that of a matrix with weight norm has the name of the product, without `/v`.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -37,7 +41,9 @@ impl Gradients {
         assert_eq!(self.0.len(), other.0.len(), "the same arrays");
         for ((name, sum), (other_name, part)) in self.0.iter_mut().zip(&other.0) {
             assert!(name == other_name && sum.len() == part.len(), "the same arrays");
-            sum.iter_mut().zip(part).for_each(|(s, p)| *s += p);
+            par::chunks_mut(sum, CHUNK, |c, sum| {
+                sum.iter_mut().zip(&part[c * CHUNK..]).for_each(|(s, p)| *s += p);
+            });
         }
     }
 }

@@ -135,7 +135,7 @@ impl Object {
             first += crop.size[0] * crop.size[1];
         }
         let (values_bar, opacity_bar) = (rendered.values_bar, rendered.opacity_bar);
-        let (distance, points_bar) = self.compare_points(&out.points, [weight, stage.points])?;
+        let (distance, points_bar) = self.compare_points(&out, [weight, stage.points])?;
         let (sdf, distances_bar) = self.distances.compare(field, weight * stage.distances)?;
         let mut drawn = Drawn {
             loss: (loss + distance) + sdf,
@@ -168,12 +168,13 @@ impl Object {
         Ok(())
     }
 
-    /// The mean squared distance between the surface points of the rays and the true ones, plus that along the optical axes; over all rays.
-    fn compare_points(&self, found: &[[f32; 3]], [whole, own]: [f32; 2]) -> Result<(f32, Vec<[f32; 3]>)> {
+    /// The mean squared distance between the surface points of the rays and the true ones, plus that along the optical axes, where a ray is
+    /// opaque; over all rays.
+    fn compare_points(&self, out: &render::Out, [whole, own]: [f32; 2]) -> Result<(f32, Vec<[f32; 3]>)> {
         if self.surface.is_empty() {
             return Ok((0.0, Vec::new()));
         }
-        let n = found.len();
+        let n = out.points.len();
         let axes = self.crops.iter().flat_map(|crop| {
             let axis = self.targets[crop.view].camera.rotation[2];
             std::iter::repeat_n(axis, crop.size[0] * crop.size[1])
@@ -182,10 +183,12 @@ impl Object {
         let row = |x: [f32; 3], a: [f32; 3]| [x[0], x[1], x[2], (x[0] * a[0] + x[1] * a[1]) + x[2] * a[2]];
         let (mut x, mut y, mut mask, mut directions) =
             (Vec::new(), Vec::new(), Vec::new(), Vec::with_capacity(n));
-        for ((point, (truth, is_there)), axis) in found.iter().zip(&self.surface).zip(axes) {
+        let rays = out.points.iter().zip(&out.opacity).zip(&self.surface).zip(axes);
+        for (((point, opacity), (truth, is_there)), axis) in rays {
             x.extend(row(*point, axis));
             y.extend(row(*truth, axis));
-            mask.extend([*is_there; 4]);
+            // The surface point of a ray that is not opaque is not on the surface.
+            mask.extend([if *opacity > render::VALID { *is_there } else { 0.0 }; 4]);
             directions.push(axis);
         }
         let pair = loss::In { x: &x, y: &y, mask: Some(&mask), height: 4 * n, width: 1 };
@@ -262,8 +265,9 @@ mod tests {
 
     #[test]
     fn gradients_of_the_terms_of_all_recipes_are_difference_quotients() {
-        let [plain, points, distances] = [[0.0, 0.0], [10.0, 0.0], [0.0, 10.0]]
-            .map(|[points, distances]| Stage { points, distances, ..stage() });
+        let [plain, points, distances] = [[0.0, 0.0], [10.0, 0.0], [0.0, 10.0]].map(|[points, distances]| {
+            Stage { points, distances, inverse_beta: [200.0; 2], samples: 64, ..stage() }
+        });
         let mut losses = Vec::new();
         for stage in [&plain, &points, &distances] {
             let (object, field) = made(stage);

@@ -102,7 +102,9 @@ impl<'a> Pool<'a> {
         let missing: Vec<u64> = needed.into_iter().filter(|k| !self.objects.contains_key(k)).collect();
         let made = par::map(missing.len(), |i| {
             let k = missing[i];
-            let views = self.source.object(k, draws.version(k))?;
+            let mut views = self.source.object(k, draws.version(k))?;
+            // Nothing compares with it.
+            views.all.iter_mut().for_each(|view| view.picture.passes.radiance = None);
             let is_compared = draws.stage.distances > 0.0;
             Ok((views, if is_compared { self.source.distances(k)? } else { Distances::default() }))
         });

@@ -10,7 +10,7 @@
 //! | 3 | the same | 1–3 | 128 | 100 → 125 | 128², 48² | 400 | 2·10⁻⁵ → 0 |
 //!
 //! The rate rises linearly over the first hundred steps (twenty in stage 3) to the first number, and falls along a cosine to the second. 1/β is
-//! linear. Stages 2 and 3 train all heads and read photos; albedo is compared up to one factor per object. Stage 3 compares numerical normals too, takes samples
+//! linear; in stage 1a it doubles while the rate rises, and is linear from there. Stages 2 and 3 train all heads and read photos; albedo is compared up to one factor per object. Stage 3 compares numerical normals too, takes samples
 //! in occupied cells only, and ends rays that are opaque. Objects of a stage follow those of the one before.
 
 use crate::lirm::model::decode::{EARLY_STOP, LEAST_WEIGHT, Look};
@@ -51,6 +51,8 @@ pub struct Stage {
     pub target: [usize; 2],
     /// Whether all heads are trained, and photos are read.
     pub is_whole: bool,
+    /// Whether 1/β doubles while the rate rises.
+    pub is_first: bool,
     /// Whether numerical normals are compared too, and samples are taken in occupied cells only.
     pub is_last: bool,
     /// Index of the first object.
@@ -59,6 +61,12 @@ pub struct Stage {
     pub points: f32,
     /// Weight of the squared error of the signed distance at points around the surface; 0 removes it.
     pub distances: f32,
+}
+
+/// The 1/β at the end of the last of some stages, at which their model is rendered; that of the first stage for none.
+pub fn last_inverse_beta(stages: &[String]) -> f32 {
+    let last = stages.last().and_then(|name| Stage::named(name).ok());
+    last.map_or(40.0, |stage| stage.inverse_beta[1])
 }
 
 /// Names of the stages, in order.
@@ -81,6 +89,7 @@ impl Stage {
             inverse_beta,
             target: [64, 32],
             is_whole: false,
+            is_first: name == "1a",
             is_last: false,
             first_object,
             points: 0.0,
@@ -157,10 +166,20 @@ impl Stage {
     /// How fields are rendered in a step.
     pub(super) fn look(&self, step: usize) -> Look {
         let [first, last] = self.inverse_beta.map(f64::from);
-        let part = order::min(step as f64 / Ord::max(self.steps - 1, 1) as f64, 1.0);
+        let along = |from: usize, to: usize, [first, last]: [f64; 2]| {
+            let part = (step - from) as f64 / Ord::max(to - from, 1) as f64;
+            first + order::min(part, 1.0) * (last - first)
+        };
+        let rise = Ord::min(self.rise, self.steps);
+        let (end, middle) = (Ord::max(self.steps, 1) - 1, 2.0 * first);
+        let inverse_beta = match self.is_first {
+            true if step < rise => along(0, rise, [first, middle]),
+            true => along(rise, end, [middle, last]),
+            false => along(0, end, [first, last]),
+        };
         Look {
             samples: self.samples,
-            inverse_beta: (first + part * (last - first)) as f32,
+            inverse_beta: inverse_beta as f32,
             least_weight: Some(LEAST_WEIGHT),
             early_stop: self.is_last.then_some(EARLY_STOP),
         }
@@ -184,14 +203,16 @@ mod tests {
     fn stages_are_those_of_the_table_and_do_not_share_objects() {
         let all: Vec<Stage> = NAMES.iter().map(|n| Stage::named(n).expect("a name")).collect();
         for pair in all.windows(2) {
-            // A block of objects may be begun and not used up.
-            let objects = (8 * pair[0].steps).div_ceil(USES) as u64 + 48;
+            // Blocks of 200 objects, the last of which may not be used up.
+            let objects = (8 * pair[0].steps).div_ceil(USES).next_multiple_of(200) as u64;
             assert!(pair[0].first_object + objects <= pair[1].first_object, "{}", pair[1].name);
             assert!(pair[0].inverse_beta[1] <= pair[1].inverse_beta[0]);
         }
         assert_eq!((all[0].rate(0), all[0].rate(99)), (5e-6, 5e-4), "it rises");
         assert!((all[0].rate(2199) - 3.5e-4).abs() < 1e-8, "and falls");
-        assert_eq!(all[0].look(2199).inverse_beta, 40.0);
+        let sharp = [0, 50, 100, 2199].map(|step| all[0].look(step).inverse_beta);
+        assert_eq!(sharp, [10.0, 15.0, 20.0, 40.0], "it doubles while the rate rises");
+        assert_eq!([0, 2199].map(|step| all[1].look(step).inverse_beta), [40.0, 60.0]);
         assert!(Stage::named("4").is_err());
     }
 }

@@ -63,12 +63,18 @@ pub(super) fn decibels(x: Decibel) -> f64 {
     x.finite().unwrap_or(f64::INFINITY)
 }
 
-/// Compares the materials of a view with its passes.
-fn materials(images: &Images, target: &Target) -> Result<MaterialErrors> {
+/// Compares the materials of a view with its passes: albedo (H, W, 3), roughness and metallic (H, W, 2).
+///
+/// # Errors
+/// When a value is not finite.
+pub fn materials(
+    albedo: Option<&[f32]>,
+    material: Option<&[f32]>,
+    target: &Target,
+) -> Result<MaterialErrors> {
     let inside: Vec<usize> = (0..target.foreground.len()).filter(|i| target.foreground[*i] == 1.0).collect();
     let mut out = MaterialErrors::default();
-    if let Some((at, truth)) = images.channels.albedo.zip(target.albedo.as_ref()) {
-        let ours = images.values_from(at, 3);
+    if let Some((ours, truth)) = albedo.zip(target.albedo.as_ref()) {
         let squares: Vec<f64> = inside
             .iter()
             .flat_map(|i| 3 * i..3 * i + 3)
@@ -82,18 +88,16 @@ fn materials(images: &Images, target: &Target) -> Result<MaterialErrors> {
             image.iter().map(|x| orb::decode(order::clamp(f64::from(*x), 0.0, 1.0)) as f32).collect()
         };
         let covered: Vec<f32> = target.foreground.iter().map(|m| f32::from(u8::from(*m == 1.0))).collect();
-        let (x, y) = (linear(&ours), linear(truth));
+        let (x, y) = (linear(ours), linear(truth));
         let (height, width) = (target.camera.height, target.camera.width);
         let pair = orb::In { x: &x, y: &y, foreground: &covered, height, width };
         out.albedo_aligned_db = orb::psnr_inside(&pair, false)?.map(decibels);
         let pair = orb::In { foreground: &target.foreground, ..pair };
         out.albedo_orb_db = Some(decibels(orb::psnr_albedo(&pair)?));
     }
-    if let Some((at, truth)) = images.channels.material.zip(target.material.as_ref()) {
+    if let Some((ours, truth)) = material.zip(target.material.as_ref()) {
         let error = |k: usize| {
-            let off = |i: &usize| {
-                (f64::from(images.values[i * images.count + at + k]) - f64::from(truth[2 * i + k])).abs()
-            };
+            let off = |i: &usize| (f64::from(ours[2 * i + k]) - f64::from(truth[2 * i + k])).abs();
             mean(&inside.iter().map(off).collect::<Vec<f64>>())
         };
         (out.roughness, out.metallic) = (error(0), error(1));
@@ -134,7 +138,9 @@ pub fn score(field: &Field, cells: &Occupancy, target: &Target) -> Result<Scores
         let there = (0..pixels).filter(|i| z[*i] > 0.0 && images.opacity[*i] > VALID);
         mean(&there.map(|i| (of(i) - f64::from(z[i])).abs() / scale).collect::<Vec<f64>>())
     });
-    let materials = materials(&images, target)?;
+    let albedo = images.channels.albedo.map(|at| images.values_from(at, 3));
+    let material = images.channels.material.map(|at| images.values_from(at, 2));
+    let materials = materials(albedo.as_deref(), material.as_deref(), target)?;
     Ok(Scores {
         numerical_deg: against(&|i| images.normals[i]),
         head_deg: head,
