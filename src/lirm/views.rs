@@ -145,6 +145,13 @@ impl Views {
         Ok(Self { all, placement: self.placement })
     }
 
+    /// The factor by which square images of one size have to be shrunk to `side` pixels, if it is whole.
+    pub fn square_factor(&self, side: usize) -> Option<usize> {
+        let width = self.all.first()?.picture.camera.width;
+        let is_square = |v: &View| v.picture.camera.width == width && v.picture.camera.height == width;
+        (self.all.iter().all(is_square) && width > 0 && width.is_multiple_of(side)).then_some(width / side)
+    }
+
     /// Cuts a square around the object out of every image and brings it to `side` pixels, averaging areas. Outside of an image is white
     /// background. Passes are left out.
     #[must_use]

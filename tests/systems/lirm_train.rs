@@ -1,12 +1,14 @@
 //! Training of LIRM on a miniature: one digest whatever the threads, parts and recomputation; resumed is uninterrupted; it learns.
 
 use lastlight::fit::training::{Fit, History, Schedule, resume, run};
+use lastlight::lirm::r#gen as set;
 use lastlight::lirm::model::config::Config;
 use lastlight::lirm::model::file::digest;
 use lastlight::lirm::model::params::first;
 use lastlight::lirm::train::distances::Distances;
 use lastlight::lirm::train::source::{Rendered, Source};
 use lastlight::lirm::train::stage::Stage;
+use lastlight::lirm::train::stored::Stored;
 use lastlight::lirm::train::{Settings, Training};
 use lastlight::lirm::views::Views;
 use lastlight::num::par::with_threads;
@@ -124,4 +126,26 @@ fn a_later_stage_needs_the_arrays_of_the_one_before() {
     let other = first(&Config { blocks: 1, ..TINY }, 0);
     let e = Training::new(settings("2a", 1), TINY, Some(&other), &source).expect_err("a block is missing");
     assert!(e.to_string().contains("block/01"), "{e}");
+}
+
+#[test]
+fn objects_of_a_set_are_those_in_memory() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let of = Rendered::new(0);
+    let settings = set::Settings { lighting: set::Lighting::Uniform, shiny: false, ..of.settings().clone() };
+    let e = Stored::open(dir.path()).expect_err("an empty folder").to_string();
+    assert!(e.contains("dataset.json"), "{e}");
+    set::run(dir.path(), &settings, false, &AtomicBool::new(false), &mut |_, _, _| {}).expect("a set");
+    let stored = Stored::open(dir.path()).expect("a set");
+    let [a, b] = [stored.object(3, "uniform"), of.object(0, "uniform")].map(|x| x.expect("object 3 mod 1"));
+    let colors = |views: &Views| views.all.iter().map(|v| v.picture.color.clone()).collect::<Vec<_>>();
+    assert_eq!(colors(&a), colors(&b));
+    assert_eq!(a.placement, b.placement);
+    assert!(stored.object(0, "shiny").is_err(), "the set has no such version");
+    assert_ne!(stored.distances(0).expect("its mesh"), Distances::default());
+    let small = dir.path().join("small");
+    let settings = set::Settings { views: 2, size: 16, samples: 1, ..settings };
+    set::run(&small, &settings, false, &AtomicBool::new(false), &mut |_, _, _| {}).expect("a set");
+    let e = Stored::open(&small).expect_err("two images").to_string();
+    assert!(e.contains("20 images of 128x128"), "{e}");
 }

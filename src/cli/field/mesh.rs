@@ -36,7 +36,7 @@ pub(crate) struct Args {
 
 /// How a mesh is made.
 #[derive(clap::Args)]
-pub(super) struct FormArgs {
+pub(crate) struct FormArgs {
     /// Points of the grid along each axis
     #[arg(long, value_name = "N", default_value_t = 256)]
     side: usize,

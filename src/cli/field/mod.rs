@@ -5,10 +5,10 @@
 mod eval;
 mod fit;
 mod import;
-mod mesh;
+pub(super) mod mesh;
 pub(super) mod page;
 pub(super) mod read;
-mod relight;
+pub(super) mod relight;
 pub(super) mod scoring;
 
 use crate::Result;

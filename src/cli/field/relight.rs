@@ -29,14 +29,22 @@ pub(crate) struct Args {
 }
 
 pub(super) fn run(args: &Args) -> Result<()> {
-    let settings = args.form.settings()?;
-    args.images.write(&args.field, &mut |meter: &mut Meter| {
-        if is_mesh(&args.field) {
-            let (object, notes) = model::read_with_notes(&args.field)?;
-            let record = Map::from_iter([("model".to_owned(), io::identity(&args.field)?)]);
+    write(&args.field, &args.images, &args.form)
+}
+
+/// Renders the mesh of a field, or a mesh.
+///
+/// # Errors
+/// If a file cannot be read or written, or a setting is out of its range.
+pub(crate) fn write(path: &Path, images: &Images, form: &FormArgs) -> Result<()> {
+    let settings = form.settings()?;
+    images.write(path, &mut |meter: &mut Meter| {
+        if is_mesh(path) {
+            let (object, notes) = model::read_with_notes(path)?;
+            let record = Map::from_iter([("model".to_owned(), io::identity(path)?)]);
             return Ok(Subject { object, notes, key: "field_relight", record });
         }
-        let field = read::field(&args.field)?;
+        let field = read::field(path)?;
         let baked = bake(&field, &settings)?;
         meter.note(&super::mesh::summary(&baked));
         let record = Map::from_iter([

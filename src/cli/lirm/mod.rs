@@ -1,9 +1,10 @@
 //! Commands of LIRM: data (`gen`), the stages of a training (`train`), a field from images
-//! (`reconstruct`, `update`), scores of a model (`eval`). Arguments are turned into records of `lirm`; nothing is computed here.
+//! (`reconstruct`, `update`), images of it under new light (`relight`), scores of a model (`eval`). Arguments are turned into records of `lirm`; nothing is computed here.
 
 mod eval;
 mod r#gen;
 mod reconstruct;
+mod relight;
 mod train;
 
 use crate::Result;
@@ -20,6 +21,8 @@ pub(super) enum Command {
     Reconstruct(Box<reconstruct::Args>),
     /// Improve a reconstruction with more images
     Update(Box<reconstruct::UpdateArgs>),
+    /// Render a reconstruction under new light
+    Relight(Box<relight::Args>),
     /// Score a model on built-in objects, after every set of images
     Eval(Box<eval::Args>),
 }
@@ -34,6 +37,7 @@ pub(super) fn run(command: &Command) -> Result<()> {
         Command::Train(args) => train::run(args),
         Command::Reconstruct(args) => reconstruct::run(args),
         Command::Update(args) => reconstruct::update(args),
+        Command::Relight(args) => relight::run(args),
         Command::Eval(args) => eval::run(args),
     }
 }

@@ -27,6 +27,9 @@ use lastlight_lirm::views::Views;
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
+/// Pixels per side of the images that a model is trained with.
+const TRAINED: usize = 64;
+
 /// Which images of a capture are read, and how the result is rendered.
 #[derive(clap::Args)]
 struct Common {
@@ -39,12 +42,13 @@ struct Common {
     /// Images of a set: the state is updated after each [default: all at once]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     images_per_set: Option<u32>,
-    /// Cut a square around the object out of every image and bring it to this many pixels, a multiple of 8; the model was trained with 64
+    /// Cut a square around the object out of every image and bring it to this many pixels, a multiple of 8 [default: square images are
+    /// shrunk as a whole to the 64 pixels that the model was trained with, others are cut to 64]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(8..=4096))]
     crop_side: Option<u32>,
-    /// Shrink the images by a whole factor, averaging blocks of pixels
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=16))]
-    downscale: u8,
+    /// Shrink the images by a whole factor, averaging blocks of pixels, and read all of them
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=16))]
+    downscale: Option<u8>,
     /// Accept absolute paths and `..` in the files of a capture; only for files that you trust
     #[arg(long)]
     allow_outside: bool,
@@ -119,6 +123,18 @@ impl Common {
         self.inputs.iter().map(find).collect()
     }
 
+    /// Images of the size that is read.
+    fn sized(&self, views: Views) -> Result<Views> {
+        match (self.crop_side, self.downscale) {
+            (Some(side), _) => Ok(views.cropped(side as usize)),
+            (None, Some(_)) => Ok(views),
+            (None, None) => match views.square_factor(TRAINED) {
+                Some(factor) => views.small(factor),
+                None => Ok(views.cropped(TRAINED)),
+            },
+        }
+    }
+
     /// The sets as inputs.
     fn sets(
         &self,
@@ -130,8 +146,7 @@ impl Common {
         let size = self.images_per_set.map_or(which.len(), |n| n as usize);
         let set = |some: &[usize]| {
             let views = Views::of_capture(pictures, some, at)?;
-            let views = self.crop_side.map_or_else(|| views.clone(), |side| views.cropped(side as usize));
-            inputs(&views, has_photo)
+            inputs(&self.sized(views)?, has_photo)
         };
         which.chunks(Ord::max(size, 1)).map(set).collect()
     }
@@ -159,7 +174,7 @@ fn made(args: &Common, capture: &std::path::Path, before: Option<State>, kind: &
     if let Some(side) = args.crop_side.filter(|side| !side.is_multiple_of(8)) {
         return Err(Error::input("--crop-side").expected("a multiple of 8").got(side.to_string()));
     }
-    let options = read::options(args.downscale, args.allow_outside);
+    let options = read::options(args.downscale.unwrap_or(1), args.allow_outside);
     let pictures = Pictures::load(capture, &options, before.as_ref().map(|s| s.exposure))?;
     let which = args.chosen(&pictures)?;
     if which.is_empty() {

@@ -12,8 +12,9 @@ use crate::{Result, claim};
 use lastlight_lirm::model::config::Config;
 use lastlight_lirm::model::file::{FILE, Model, digest};
 use lastlight_lirm::model::params::count;
-use lastlight_lirm::train::source::Rendered;
+use lastlight_lirm::train::source::{Rendered, Source};
 use lastlight_lirm::train::stage::Stage;
+use lastlight_lirm::train::stored::Stored;
 use lastlight_lirm::train::{Settings, Training};
 use serde_json::json;
 use std::path::PathBuf;
@@ -40,9 +41,13 @@ const STAGES: &Choices = &[
   lastlight lirm train --stage 1b --from s1a --out s1b      the next stage, with fresh moments
   lastlight lirm train --stage 1a --out s1a --resume        go on after an interruption, with the same bits
   lastlight lirm train --stage 1a --steps 100 --out quick   the same schedule, shorter
+  lastlight lirm train set --stage 1a --out s1a             objects of lirm gen --views 20 --size 128 --lighting both --shiny
 
 Objects are rendered in memory with the pixels of lirm gen (20 images of 128x128 with 8 samples per pixel); each is in twelve steps, turned about the vertical by a drawn angle. Written to --out: model.safetensors (half precision, for --from), a checkpoint, result.json and report/index.html. The number of threads changes the time, not the result.")]
 pub(crate) struct Args {
+    /// Set of lirm gen to train on, 20 images of 128x128 per object [default: built-in objects, rendered in memory]
+    #[arg(value_name = "DIR")]
+    data: Option<PathBuf>,
     /// Folder for the results; new or empty unless --resume or --force
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -135,8 +140,13 @@ pub(super) fn run(args: &Args) -> Result<()> {
         None => Config::named(args.config.as_deref().unwrap_or("small"))?,
     };
     meter.lap("reading");
-    let source = Rendered::new(args.filling.seed);
-    let mut training = Training::new(settings.clone(), config, before.as_ref().map(|m| &m.params), &source)?;
+    let rendered = Rendered::new(args.filling.seed);
+    let stored = args.data.as_deref().map(Stored::open).transpose()?;
+    let source: &dyn Source = match &stored {
+        Some(stored) => stored,
+        None => &rendered,
+    };
+    let mut training = Training::new(settings.clone(), config, before.as_ref().map(|m| &m.params), source)?;
     meter.note(&format!(
         "{} parameters in {} arrays, {} tokens of a state; {} steps of {} objects",
         count(training.config()),

@@ -3,7 +3,8 @@
 //! ```text
 //! stage     what a stage is: light, samples, 1/β, resolution, steps, rate
 //! distances points around an object with signed distances, for the recipe that compares them
-//! source    objects by index: rendered in memory, or read from folders      draws    which object, how turned, which views, in a step
+//! source    objects by index: rendered in memory                             stored    the same, from the folder of a set
+//! draws    which object, how turned, which views, in a step
 //!
 //! one step, of `batch` objects, `at_once` of them at a time:
 //!   draws ──► object: sets of input images, four target crops
@@ -26,6 +27,7 @@ mod object;
 mod shown;
 pub mod source;
 pub mod stage;
+pub mod stored;
 
 use self::draws::Draws;
 use self::object::Object;
