@@ -94,6 +94,8 @@ pub struct Protocol {
     pub control: Control,
     /// Sets that the model reads, of four.
     pub sets: usize,
+    /// Outputs that are compared, of twelve.
+    pub outputs: usize,
     /// Mean albedo (sRGB-encoded), roughness and metallic of training objects ([`means_of_materials`]); `None` leaves the comparison out.
     pub means: Option<([f32; 3], [f32; 2])>,
     /// Whether surfaces are compared.
@@ -162,13 +164,16 @@ fn constant<const N: usize>(target: &Target, value: [f32; N]) -> Vec<f32> {
     target.foreground.iter().flat_map(|m| value.map(|v| v * m + (1.0 - m))).collect()
 }
 
-/// Inputs of every set, some of them broken.
-fn inputs(ready: &Ready<'_>, p: &Protocol, k: u64, views: &Views) -> Result<Vec<Vec<Input>>> {
+/// Inputs of every set, some of them broken. From the second set on, they are those of `other` if it is there.
+fn inputs(
+    ready: &Ready<'_>,
+    p: &Protocol,
+    k: u64,
+    views: &Views,
+    other: Option<&Views>,
+) -> Result<Vec<Vec<Input>>> {
     let small = views.small(SIDES[0] / SIDES[1])?;
-    let other = match p.control {
-        Control::OtherObject => Some(Views::rendered(&p.set, k + 1, &p.version)?.small(SIDES[0] / SIDES[1])?),
-        _ => None,
-    };
+    let other = other.map(|other| other.small(SIDES[0] / SIDES[1])).transpose()?;
     let input = |of: &Views, i: usize, camera: usize| {
         let mut view = of.all[i].clone();
         view.picture.camera = of.all[camera].picture.camera.clone();
@@ -186,6 +191,11 @@ fn inputs(ready: &Ready<'_>, p: &Protocol, k: u64, views: &Views) -> Result<Vec<
     Ok(order.chunks(SET).take(p.sets).enumerate().map(one).collect())
 }
 
+/// The outputs of an object that are compared.
+fn outputs_of(p: &Protocol, k: u64) -> Vec<usize> {
+    cameras::test(p.set.seed, k, p.set.size).outputs.into_iter().take(p.outputs).collect()
+}
+
 /// The inputs of an object in the order of the protocol.
 fn order_of(p: &Protocol, k: u64) -> Vec<usize> {
     let protocol = cameras::test(p.set.seed, k, p.set.size);
@@ -200,55 +210,99 @@ fn order_of(p: &Protocol, k: u64) -> Vec<usize> {
 /// # Errors
 /// If the object cannot be made, or a render is not finite.
 pub fn object(ready: &Ready<'_>, p: &Protocol, k: u64) -> Result<Scores> {
-    let views = Views::rendered(&p.set, k, &p.version)?;
+    let rendered = |k: u64| Views::rendered(&p.set, k, &p.version);
+    let other = (p.control == Control::OtherObject).then(|| rendered(k + 1)).transpose()?;
+    views(ready, p, k, &rendered(k)?, other.as_ref())
+}
+
+/// [`object`] with images that are there: those of object k, and those that the sets after the first show instead.
+///
+/// # Errors
+/// If a render is not finite.
+pub fn views(
+    ready: &Ready<'_>,
+    p: &Protocol,
+    k: u64,
+    views: &Views,
+    other: Option<&Views>,
+) -> Result<Scores> {
     let order = order_of(p, k);
-    let outputs = cameras::test(p.set.seed, k, p.set.size).outputs;
-    let truth = p.shapes.then(|| Subject::new(&p.set, k)).transpose()?;
     let mut state = ready.no_state();
     let mut scored = Scores { object: k, rounds: Vec::new(), images: Vec::new() };
-    for (round, set) in inputs(ready, p, k, &views)?.iter().enumerate() {
+    for (round, set) in inputs(ready, p, k, views, other)?.iter().enumerate() {
         if p.control == Control::ZeroedState {
             state = ready.no_state();
         }
         state = ready.read(&state, set, None).0;
-        let field = ready.decode(&state, p.look, views.placement);
-        let cells = view::occupancy(&field)?;
+        let (mut numbers, image) = state_and_image(ready, p, &state, k, views)?;
         let so_far: Vec<&View> = order[..SET * (round + 1)].iter().map(|i| &views.all[*i]).collect();
-        let hull = Hull::new(&so_far);
-        let mut all: BTreeMap<&'static str, Vec<f64>> = BTreeMap::new();
-        for (n, i) in outputs.iter().enumerate() {
-            let truth = views.target(*i);
-            let one = output(&field, &cells, &truth, p)?;
-            let size = [truth.camera.height, truth.camera.width];
-            let db = |x: &[f32]| -> Result<f64> {
-                let colored = truth.colored.as_deref();
-                Ok(compare(&truth.name, x, &truth.color, colored, size)?.score.psnr_db)
-            };
-            let (carved, covered) = hull.image(&truth.camera);
-            let mut put = |name: &'static str, x: f64| all.entry(name).or_default().push(x);
-            put("nearest_db", db(&nearest(&so_far, &truth.camera).picture.color)?);
-            put("hull_db", db(&carved)?);
-            put("hull_iou", overlap(&covered, &truth.foreground));
-            one.0.into_iter().for_each(|(name, x)| put(name, x));
-            if n == 0 {
-                scored.images.push([one.1, truth.color.clone()]);
-            }
-        }
-        // A number that an output lacks, such as an angle where nothing is opaque, is a mean over the others.
-        let mut round: Numbers =
-            all.into_iter().map(|(name, x)| (name, sum::tree_f64(&x) / x.len() as f64)).collect();
-        if let Some(truth) = &truth {
-            let settings = mesh::Settings { side: CELLS, ..mesh::Settings::default() };
-            if let Ok((surface, ..)) = mesh::shape(&field, &settings) {
-                round.insert(
-                    "distance_radii",
-                    Shape::of(&surface, &truth.object.mesh, p.set.seed)?.distance(),
-                );
-            }
-        }
-        scored.rounds.push(round);
+        numbers.extend(baselines(p, k, views, &so_far)?);
+        scored.rounds.push(numbers);
+        scored.images.push(image);
     }
     Ok(scored)
+}
+
+/// Means by name, each over the outputs that have it: an angle is missing where nothing is opaque.
+fn averaged(all: BTreeMap<&'static str, Vec<f64>>) -> Numbers {
+    all.into_iter().map(|(name, x)| (name, sum::tree_f64(&x) / x.len() as f64)).collect()
+}
+
+/// The scores of the nearest input and of the hull of some inputs.
+fn baselines(p: &Protocol, k: u64, views: &Views, so_far: &[&View]) -> Result<Numbers> {
+    let hull = Hull::new(so_far);
+    let mut all: BTreeMap<&'static str, Vec<f64>> = BTreeMap::new();
+    for i in outputs_of(p, k) {
+        let truth = views.target(i);
+        let size = [truth.camera.height, truth.camera.width];
+        let db = |x: &[f32]| -> Result<f64> {
+            Ok(compare(&truth.name, x, &truth.color, truth.colored.as_deref(), size)?.score.psnr_db)
+        };
+        let (carved, covered) = hull.image(&truth.camera);
+        let mut put = |name: &'static str, x: f64| all.entry(name).or_default().push(x);
+        put("nearest_db", db(&nearest(so_far, &truth.camera).picture.color)?);
+        put("hull_db", db(&carved)?);
+        put("hull_iou", overlap(&covered, &truth.foreground));
+    }
+    Ok(averaged(all))
+}
+
+/// The scores of a state, without baselines.
+///
+/// # Errors
+/// If a render is not finite.
+pub fn state(ready: &Ready<'_>, p: &Protocol, state: &[f32], k: u64, views: &Views) -> Result<Numbers> {
+    Ok(state_and_image(ready, p, state, k, views)?.0)
+}
+
+/// The scores of a state, and its first output beside the truth.
+fn state_and_image(
+    ready: &Ready<'_>,
+    p: &Protocol,
+    state: &[f32],
+    k: u64,
+    views: &Views,
+) -> Result<(Numbers, [Vec<f32>; 2])> {
+    let field = ready.decode(state, p.look, views.placement);
+    let cells = view::occupancy(&field)?;
+    let mut all: BTreeMap<&'static str, Vec<f64>> = BTreeMap::new();
+    let mut first = None;
+    for i in outputs_of(p, k) {
+        let truth = views.target(i);
+        let (numbers, image) = output(&field, &cells, &truth, p)?;
+        numbers.into_iter().for_each(|(name, x)| all.entry(name).or_default().push(x));
+        first.get_or_insert([image, truth.color]);
+    }
+    let mut numbers = averaged(all);
+    if p.shapes {
+        let truth = Subject::new(&p.set, k)?.object.mesh;
+        let settings = mesh::Settings { side: CELLS, ..mesh::Settings::default() };
+        // A field without a surface has no distance.
+        if let Ok((surface, ..)) = mesh::shape(&field, &settings) {
+            numbers.insert("distance_radii", Shape::of(&surface, &truth, p.set.seed)?.distance());
+        }
+    }
+    Ok((numbers, first.unwrap_or_default()))
 }
 
 /// The scores of one output, and its image.

@@ -174,17 +174,21 @@ impl Job<'_> {
     }
 }
 
-/// One version of an object in memory: its shots, and each with its passes and its exposure.
+/// One version of an object in memory, with the cameras and light of object k: its shots, and each with its passes and its exposure.
 ///
 /// # Errors
 /// If a model or a map is invalid, or there is no such version.
-pub(super) fn in_memory(settings: &Settings, k: u64, version: &str) -> Result<Vec<(Shot, Passes, f32)>> {
+pub(super) fn in_memory(
+    settings: &Settings,
+    k: u64,
+    version: &str,
+    subject: &Subject,
+) -> Result<Vec<(Shot, Passes, f32)>> {
     let known = settings.versions().into_iter().find(|v| v.0 == version);
     let (_, under_map, is_shiny) = known.ok_or_else(|| {
         let names: Vec<&str> = settings.versions().iter().map(|v| v.0).collect();
         Error::input("version of an object").expected(names.join(", ")).got(version)
     })?;
-    let subject = Subject::new(settings, k)?;
     let light = if under_map { Some(Light::new(settings, k)?) } else { None };
     let bvh = Bvh::build(&subject.object.mesh.positions, &subject.object.mesh.triangles);
     let lights = lights(light.as_ref());

@@ -68,6 +68,35 @@ impl Subject {
         Self { object: from_data_gen::object(&made.surfaces), record }
     }
 
+    /// The object at half its size, its centre moved by a quarter along x, to the side of the sign; the other half of the ball is free.
+    #[must_use]
+    pub fn on_side(mut self, sign: f32) -> Self {
+        for p in &mut self.object.mesh.positions {
+            *p = [0.5 * p[0] + 0.25 * sign, 0.5 * p[1], 0.5 * p[2]];
+        }
+        self
+    }
+
+    /// Two objects as one.
+    ///
+    /// # Errors
+    /// If they have more than 65 535 materials, or only one of them has normals or texture coordinates.
+    pub fn with(mut self, other: &Self) -> Result<Self> {
+        let (own, added) = (&mut self.object, &other.object);
+        let (vertices, materials) = (own.mesh.positions.len() as u32, own.materials.len());
+        own.mesh.positions.extend(&added.mesh.positions);
+        own.mesh.normals.extend(&added.mesh.normals);
+        own.mesh.uvs.extend(&added.mesh.uvs);
+        own.mesh.triangles.extend(added.mesh.triangles.iter().map(|t| t.map(|i| i + vertices)));
+        let first = u16::try_from(materials + added.materials.len()).map(|_| materials as u16);
+        let first = first.map_err(|e| Error::input("materials of two objects").got(e.to_string()))?;
+        own.material_of.extend(added.material_of.iter().map(|m| m + first));
+        own.materials.extend(added.materials.iter().cloned());
+        self.record = json!([self.record, other.record]);
+        self.object.validate("two objects")?;
+        Ok(self)
+    }
+
     /// The roughness factor of the shiny version of object k, U(0.3, 0.6).
     pub fn gloss(&self, seed: u64, k: u64) -> f32 {
         0.3 + 0.3 * Rng::new(seed).uniform_f32(k, 0, GLOSS_PURPOSE, 0)

@@ -11,6 +11,7 @@
 
 use super::r#gen::in_memory;
 use super::settings::Settings;
+use super::subject::Subject;
 use crate::fit::exposure::{Photograph, expose as expose_photographs};
 use crate::fit::field::targets::{self, Photo, Picture, Pictures, Target};
 use crate::fit::passes::as_read;
@@ -58,7 +59,15 @@ impl Views {
     /// # Errors
     /// If a model or a map is invalid, or there is no such version.
     pub fn rendered(settings: &Settings, k: u64, version: &str) -> Result<Self> {
-        let made = in_memory(settings, k, version)?;
+        Self::of_subject(settings, k, version, &Subject::new(settings, k)?)
+    }
+
+    /// Renders another object with the cameras and light of object `k`.
+    ///
+    /// # Errors
+    /// Those of [`Self::rendered`].
+    pub fn of_subject(settings: &Settings, k: u64, version: &str, subject: &Subject) -> Result<Self> {
+        let made = in_memory(settings, k, version, subject)?;
         let (mut rgb, mut pictures) = (Vec::with_capacity(made.len()), Vec::with_capacity(made.len()));
         for (shot, passes, exposure) in &made {
             let (photo, passes) = as_read(passes, *exposure)?;

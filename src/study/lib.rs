@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 
 pub mod last;
+pub mod lirm;
 
 use lastlight_import::scene;
 use lastlight_kernels::loss;

@@ -133,3 +133,24 @@ fn scores_stand_beside_baselines() {
     assert!(of(0, "hull_db") > of(0, "psnr_db"), "a model after one step is worse than the hull: {rounds:?}");
     assert!(of(3, "hull_db") > of(0, "hull_db") && of(3, "nearest_db") > of(0, "nearest_db"), "{rounds:?}");
 }
+
+#[test]
+fn a_study_runs_and_its_report_can_be_made_again() {
+    let work = tempfile::tempdir().expect("a folder");
+    let dir = work.path();
+    made(dir);
+    let study = json(&line("lirm study --model m --out s --scale smoke --json -q"), dir);
+    let all = study["experiments"].as_array().expect("experiments");
+    assert_eq!(all.len(), 9, "{study}");
+    let of = |id: &str| all.iter().find(|x| x["id"] == id).expect("an experiment");
+    assert_eq!(of("rounds")["rows"].as_array().map(Vec::len), Some(2), "two orders");
+    assert_eq!(of("controls")["rows"].as_array().map(Vec::len), Some(4), "four kinds of inputs");
+    assert!(of("materials")["verdict"].as_str().is_some_and(|v| v.contains("no materials")), "a plain model");
+    assert_eq!(of("variants")["rows"].as_array().map(Vec::len), Some(11), "five models and six differences");
+    let again =
+        json(&line("lirm study --model m --out s --scale smoke --resume --report-only --json -q"), dir);
+    assert_eq!(again["experiments"], study["experiments"], "from the files");
+    let listed = json(&line("lirm study list --json"), dir);
+    assert_eq!(listed["experiments"].as_array().map(Vec::len), Some(9));
+    refused(&line("lirm study --out s"), dir, 2, &["--model"]);
+}

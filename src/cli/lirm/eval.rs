@@ -116,6 +116,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
             _ => Control::None,
         },
         sets: usize::from(args.sets),
+        outputs: 12,
         means: model.config.is_whole.then(|| evaluate::means_of_materials(0, &args.light)).transpose()?,
         shapes: args.shapes,
     };

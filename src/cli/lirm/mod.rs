@@ -1,10 +1,11 @@
 //! Commands of LIRM: data (`gen`), the stages of a training (`train`), a field from images
-//! (`reconstruct`, `update`), images of it under new light (`relight`), scores of a model (`eval`). Arguments are turned into records of `lirm`; nothing is computed here.
+//! (`reconstruct`, `update`), images of it under new light (`relight`), scores of a model (`eval`), experiments (`study`). Arguments are turned into records of `lirm`; nothing is computed here.
 
 mod eval;
 mod r#gen;
 mod reconstruct;
 mod relight;
+mod study;
 mod train;
 
 use crate::Result;
@@ -25,6 +26,8 @@ pub(super) enum Command {
     Relight(Box<relight::Args>),
     /// Score a model on built-in objects, after every set of images
     Eval(Box<eval::Args>),
+    /// Run the experiments: the paper's claims against measurements
+    Study(Box<study::Args>),
 }
 
 /// Runs one of them.
@@ -39,5 +42,6 @@ pub(super) fn run(command: &Command) -> Result<()> {
         Command::Update(args) => reconstruct::update(args),
         Command::Relight(args) => relight::run(args),
         Command::Eval(args) => eval::run(args),
+        Command::Study(args) => study::run(args),
     }
 }

@@ -12,8 +12,6 @@ const PLACE: u16 = 0x0553;
 /// Order of the images of a place; its item is the place.
 const IMAGES: u16 = 0x0554;
 
-/// Smallest and largest number of images of a set.
-const IMAGES_OF_SET: [usize; 2] = [3, 6];
 /// Smallest and largest factor of the brightness.
 const BRIGHTNESS: [f64; 2] = [0.75, 1.25];
 /// Cosine between the directions of two cameras up to which one sees what the other sees.
@@ -85,7 +83,7 @@ impl Draws<'_> {
         // A white dome is 1 already: brighter colours would be cut off.
         let bright = if self.version(object) == VERSIONS[0] { 1.0 } else { bright };
         let images = Rng::new(rng.derive(j as u64, number(step), IMAGES)).permutation(VIEWS, 0, IMAGES);
-        let [few, many] = IMAGES_OF_SET;
+        let [few, many] = self.stage.images;
         let mut first = 0;
         let sets = 0..1 + below(2, self.stage.sets);
         let sets = sets.map(|set| {

@@ -43,6 +43,8 @@ pub struct Stage {
     pub light: [f64; 3],
     /// Largest number of sets of input images.
     pub sets: usize,
+    /// Smallest and largest number of images of a set.
+    pub images: [usize; 2],
     /// Steps of a ray along the diagonal.
     pub samples: usize,
     /// First and last 1/β.
@@ -85,6 +87,7 @@ impl Stage {
             rise: 100,
             light: [1.0, 0.0, 0.0],
             sets: 2,
+            images: [3, 6],
             samples: 64,
             inverse_beta,
             target: [64, 32],
@@ -138,8 +141,10 @@ impl Stage {
                 return refuse(name, "0 to 10 000", weight.to_string());
             }
         }
-        if self.sets == 0 || self.sets > 3 {
-            return refuse("--sets", "1 to 3: each has up to six of twenty images", self.sets.to_string());
+        let [few, many] = self.images;
+        if self.sets == 0 || few == 0 || few > many || self.sets * many > VIEWS {
+            let got = format!("{} of {few} to {many}", self.sets);
+            return refuse("sets of images", "at least one of at least one image, of twenty in all", got);
         }
         let [side, crop] = self.target;
         if ![64, 128].contains(&side) || !(16..=side).contains(&crop) {
@@ -189,7 +194,7 @@ impl Stage {
     pub fn json(&self) -> Value {
         json!({
             "stage": self.name, "steps": self.steps, "rates": self.rates, "rise": self.rise, "light": self.light,
-            "sets": self.sets, "samples": self.samples, "inverse_beta": self.inverse_beta, "target": self.target,
+            "sets": self.sets, "images": self.images, "samples": self.samples, "inverse_beta": self.inverse_beta, "target": self.target,
             "first_object": self.first_object, "points": self.points, "distances": self.distances,
         })
     }

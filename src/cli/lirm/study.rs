@@ -1,0 +1,194 @@
+//! `lirm study`: the experiments of LIRM, one table and one chart each.
+
+use crate::choices::{Choices, choices};
+use crate::claim;
+use crate::console as cli;
+use crate::experiment::{Experiment, RunOptions};
+use crate::experiments::{self as engine, Study};
+use crate::io::atomic;
+use crate::meter::Meter;
+use crate::num::par;
+use crate::shared::ForceArgs;
+use crate::{Result, like, version};
+use lastlight_lirm::model::file::{Model, digest};
+use lastlight_study::lirm::setup::{Named, Setup, Size};
+use lastlight_study::lirm::{limits, occupancy, scenes, scoring, variants};
+use serde_json::json;
+use std::path::{Path, PathBuf};
+
+/// The record in `--out`.
+const RECORD: &str = "study.json";
+/// The experiment that shows what a render costs.
+const COST: &str = "occupancy";
+
+/// The experiments.
+const EXPERIMENTS: &Choices = &[
+    ("stages", "every model after four sets"),
+    ("rounds", "random and sequential order of the inputs, beside nearest input and visual hull"),
+    ("controls", "state zeroed, cameras permuted, another object"),
+    ("materials", "albedo, roughness and metallic beside the means of training objects"),
+    ("added", "an object that is added between two sets"),
+    ("head", "a head-mounted camera through a fisheye and a pinhole"),
+    ("limits", "mirrors and fine lettering"),
+    ("occupancy", "samples that a grid saves"),
+    ("variants", "planes, directional embedding and updates: five trainings"),
+];
+
+/// Commands beside the study itself.
+#[derive(clap::Subcommand)]
+enum Command {
+    /// List the experiments
+    #[command(after_help = "Examples:
+  lastlight lirm study list
+  lastlight lirm study list --json")]
+    List,
+}
+
+/// Values of `--scale`.
+const SCALES: &Choices = &[
+    ("full", "the study: hours"),
+    ("quick", "small sizes and few objects: minutes, not evidence"),
+    ("smoke", "smallest sizes: a test that everything runs"),
+];
+
+/// Run the experiments of LIRM: the paper's claims against measurements.
+#[derive(clap::Args)]
+#[command(after_help = "Examples:
+  lastlight lirm study --model s3 --out study                     all experiments; hours
+  lastlight lirm study --model s1c,s2b,s3 --out study             with the table of stages; the last model is scored
+  lastlight lirm study rounds controls --model s3 --out trial --scale quick
+  lastlight lirm study --model s3 --out study --resume            continue an interrupted study
+
+`lirm study list` lists the experiments. Objects are those of seed 2: trainings use seed 0. Variants trains five small models, 45 minutes each on two cores. Every cell (a model and an object, or a training) is a file in --out; reports are made from these files. Written to --out: study.json, one CSV per experiment and report/index.html.")]
+#[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
+pub(crate) struct Args {
+    #[command(subcommand)]
+    command: Option<Command>,
+    /// Experiments, as listed by `lirm study list` [default: all]
+    #[arg(value_name = "ID", value_parser = choices(EXPERIMENTS))]
+    ids: Vec<String>,
+    /// Models, or the folders of their trainings, comma-separated or repeated; the last is scored
+    #[arg(long, value_name = "FILE", value_delimiter = ',', required = true)]
+    model: Vec<PathBuf>,
+    /// Folder for results; new or empty unless --resume or --force
+    #[arg(long, value_name = "DIR", required = true)]
+    out: Option<PathBuf>,
+    /// Sizes and numbers of objects
+    #[arg(long, value_name = "NAME", default_value = "full", value_parser = choices(SCALES))]
+    scale: String,
+    /// Continue an interrupted study
+    #[arg(long, conflicts_with = "force")]
+    resume: bool,
+    /// Rebuild the report from existing results
+    #[arg(long, requires = "resume")]
+    report_only: bool,
+    #[command(flatten)]
+    replace: ForceArgs,
+}
+
+impl Args {
+    fn size(&self) -> Size {
+        match self.scale.as_str() {
+            "quick" => Size::quick(),
+            "smoke" => Size::smoke(),
+            _ => Size::full(),
+        }
+    }
+
+    /// What sizes other than the study's are worth.
+    fn warning(&self) -> Option<&'static str> {
+        match self.scale.as_str() {
+            "quick" => Some("quick run (small sizes, few objects): not evidence"),
+            "smoke" => Some("smoke test (smallest sizes): not evidence"),
+            _ => None,
+        }
+    }
+}
+
+pub(super) fn run(args: &Args) -> Result<()> {
+    match (&args.command, &args.out) {
+        (None, Some(out)) => study(args, out),
+        _ => list(),
+    }
+}
+
+fn list() -> Result<()> {
+    if cli::is_json() {
+        let all = EXPERIMENTS.iter().map(|(id, about)| json!({ "id": id, "about": about }));
+        return cli::say_json(&json!({ "experiments": all.collect::<Vec<_>>() }));
+    }
+    EXPERIMENTS.iter().try_for_each(|(id, about)| cli::say(&format!("{id:10} {about}")))
+}
+
+/// All experiments, in the order of the list.
+fn all<'a>(setup: &'a Setup, dir: &Path) -> Vec<Box<dyn Experiment + 'a>> {
+    vec![
+        Box::new(scoring::stages(setup)),
+        Box::new(scoring::rounds(setup)),
+        Box::new(scoring::controls(setup)),
+        Box::new(scoring::materials(setup)),
+        Box::new(scenes::added(setup)),
+        Box::new(scenes::head(setup)),
+        Box::new(limits::limits(setup)),
+        Box::new(occupancy::occupied(setup)),
+        Box::new(variants::variants(setup, dir)),
+    ]
+}
+
+fn study(args: &Args, out: &Path) -> Result<()> {
+    let mut meter = Meter::new();
+    let models = args.model.iter().map(|path| Model::read(path).map(Named::new)).collect::<Result<_>>()?;
+    let setup = Setup::new(args.size(), models)?;
+    let dir = claim::folder(out, args.resume, args.replace.force)?;
+    // A cell uses all threads: several would only share the images of an object.
+    let options = RunOptions { command: "lirm study", report_only: args.report_only, jobs: 1 };
+    let mut study = Study { dir: dir.clone(), options, meter: &mut meter, reports: Vec::new() };
+    let experiments = all(&setup, &dir);
+    let chosen: Vec<&dyn Experiment> = experiments
+        .iter()
+        .map(|x| &**x)
+        .filter(|x| args.ids.is_empty() || args.ids.iter().any(|id| id == x.id()))
+        .collect();
+    study.run(&chosen)?;
+    let reports = study.reports;
+    let cost = chosen.iter().find(|x| x.id() == COST);
+    let costs = cost.map_or_else(Vec::new, |x| engine::durations(&dir, x.folder(), &x.cells()));
+    engine::write_tables(&dir, &reports)?;
+    let named = setup.models.iter().map(|m| json!({ "name": m.name, "digest": digest(&m.model.params) }));
+    let record = json!({
+        "kind": "lirm study", "lastlight": env!("CARGO_PKG_VERSION"), "sizes": args.scale, "threads": par::threads(),
+        "models": named.collect::<Vec<_>>(), "experiments": engine::records(&reports), "seconds": meter.seconds(),
+        like::ARGUMENTS: cli::arguments(), "build": version::record(),
+    });
+    atomic::write_bytes(&dir.join(RECORD), format!("{record:#}\n").as_bytes())?;
+    let titles = ("Experiments of LIRM", args.warning().unwrap_or_default());
+    let page = engine::page("lirm study", titles, &reports, (COST, &costs)).write(&dir)?;
+    if cli::is_json() {
+        return cli::say_json(&record);
+    }
+    if let Some(warning) = args.warning() {
+        cli::say(warning)?;
+    }
+    for r in &reports {
+        cli::say(&format!("{:10} {:13} {}", r.id, r.outcome.name(), r.verdict))?;
+    }
+    cli::say(&format!("report {}", page.display()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use lastlight_lirm::model::config::Config;
+    use lastlight_lirm::model::params::first;
+
+    #[test]
+    fn the_listed_experiments_are_those_that_can_run() {
+        let config =
+            Config { blocks: 1, width: 16, heads: 2, plane_tokens: 1, embed_tokens: 1, ..Config::SMALL };
+        let model = Model { config, params: first(&config, 0), stages: Vec::new() };
+        let setup = Setup::new(Size::smoke(), vec![Named::new(model)]).expect("a model");
+        let ids: Vec<&str> = all(&setup, Path::new("out")).iter().map(|x| x.id()).collect();
+        let listed: Vec<&str> = EXPERIMENTS.iter().map(|(id, _)| *id).collect();
+        assert_eq!(listed, ids, "a line for each, and no other");
+    }
+}

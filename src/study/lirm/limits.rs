@@ -1,0 +1,172 @@
+//! Where the method fails: mirrors and fine lettering (Fig. 15).
+//!
+//! Mirrors are pixels with roughness at most 0.25 and metallic at least 0.5 under a map, in the smoother version of the objects. Detail is the
+//! sum of squared differences between neighbouring pixels inside the foreground, of the render divided by that of the truth: 1 for an image as sharp as the
+//! truth, 0 for a plain one; it is measured on packages and tins, which are printed.
+
+use super::setup::{Setup, shown};
+use crate::Result;
+use crate::experiment::{Cell, Chart, Experiment, Outcome, Report, Summary, Values, of};
+use crate::fit::field::Target;
+use crate::fit::field::view;
+use crate::fit::training::Watch;
+use crate::num::order;
+use data_gen::{cameras, objects};
+use lastlight_lirm::evaluate::SET;
+use lastlight_lirm::model::transformer::Input;
+use lastlight_lirm::model::weights::Ready;
+use lastlight_lirm::views::Views;
+use serde_json::Value;
+use std::sync::atomic::AtomicBool;
+
+/// Generators of printed objects.
+const PRINTED: [&str; 2] = ["package", "tin"];
+/// Objects of a kind.
+const EACH: u64 = 4;
+/// Pixels per side of an input.
+const INPUT: usize = 64;
+/// Largest roughness and smallest metallic of a mirror.
+const MIRROR: [f32; 2] = [0.25, 0.5];
+/// Fewest pixels of a mean.
+const FEWEST: usize = 20;
+
+/// The experiment.
+#[derive(Debug)]
+pub struct Limits<'a> {
+    setup: &'a Setup,
+}
+
+/// Makes the experiment.
+pub fn limits(setup: &Setup) -> Limits<'_> {
+    Limits { setup }
+}
+
+/// The numbers of the first printed objects of the test seed.
+fn printed(count: u64) -> Vec<u64> {
+    let is_printed = |k: &u64| PRINTED.contains(&objects::build(super::setup::SEED, *k, 32).generator);
+    (0..).filter(is_printed).take(count as usize).collect()
+}
+
+/// The squared error of some pixels, as a mean; `None` for too few.
+fn error(image: &[f32], truth: &Target, pixels: &[usize]) -> Option<f64> {
+    let square = |i: &usize| {
+        (0..3).fold(0.0, |sum, c| {
+            let d = f64::from(image[3 * i + c]) - f64::from(truth.color[3 * i + c]);
+            sum + d * d
+        })
+    };
+    let sum = pixels.iter().map(square).fold(0.0, |sum, x| sum + x);
+    (pixels.len() >= FEWEST).then(|| sum / (3 * pixels.len()) as f64)
+}
+
+/// Squared differences between neighbours of one row that are both covered.
+fn detail(image: &[f32], truth: &Target) -> f64 {
+    let width = truth.camera.width;
+    let pairs = (0..truth.foreground.len()).filter(|i| i % width + 1 < width);
+    let covered = pairs.filter(|i| truth.foreground[*i] == 1.0 && truth.foreground[i + 1] == 1.0);
+    covered.fold(0.0, |sum, i| {
+        (0..3).fold(sum, |sum, c| {
+            let d = f64::from(image[3 * i + c]) - f64::from(image[3 * (i + 1) + c]);
+            sum + d * d
+        })
+    })
+}
+
+impl Limits<'_> {
+    fn kinds(&self) -> Vec<(&'static str, u64)> {
+        let count = Ord::min(EACH, self.setup.size.objects);
+        let mirrors = (0..self.setup.size.objects).map(|k| ("shiny", k));
+        mirrors.chain(printed(count).into_iter().map(|k| ("uniform", k))).collect()
+    }
+}
+
+impl Experiment for Limits<'_> {
+    fn id(&self) -> &'static str {
+        "limits"
+    }
+
+    fn cells(&self) -> Vec<Cell> {
+        let cell = |(version, k): (&'static str, u64)| Cell {
+            key: format!("{version}_{k:03}"),
+            row: if version == "shiny" { "mirrors".into() } else { "lettering".into() },
+            seed: k,
+        };
+        self.kinds().into_iter().map(cell).collect()
+    }
+
+    fn settings(&self, _: usize) -> Value {
+        self.setup.record(self.setup.model())
+    }
+
+    fn run(&self, cell: usize, watch: &mut dyn Watch, _: &AtomicBool) -> Result<Values> {
+        let ((version, k), model) = (self.kinds()[cell], self.setup.model());
+        let views = self.setup.object(k, version)?;
+        watch.lap("images");
+        let p = self.setup.protocol(model, version);
+        let protocol = cameras::test(p.set.seed, k, p.set.size);
+        let ready = Ready::new(model.config, &model.params);
+        let mut state = ready.no_state();
+        for set in protocol.inputs.chunks(SET) {
+            let small: Views = views.chosen(set).small(p.set.size / INPUT)?;
+            let inputs: Vec<Input> =
+                small.all.iter().map(|v| Input::of(v, &small.placement, model.config.is_whole)).collect();
+            state = ready.read(&state, &inputs, None).0;
+        }
+        let field = ready.decode(&state, p.look, views.placement);
+        let cells = view::occupancy(&field)?;
+        let [mut mirrors, mut others, mut details] = [(); 3].map(|()| Vec::new());
+        for i in protocol.outputs.into_iter().take(self.setup.size.outputs) {
+            let truth = views.target(i);
+            let image = view::render(&field, Some(&cells), &truth.camera, false).color().unwrap_or_default();
+            let covered = (0..truth.foreground.len()).filter(|i| truth.foreground[*i] == 1.0);
+            let is_mirror = |i: &usize| {
+                let of = |m: &Vec<f32>| m[2 * i] <= MIRROR[0] && m[2 * i + 1] >= MIRROR[1];
+                truth.material.as_ref().is_some_and(of)
+            };
+            let (mirror, other): (Vec<usize>, Vec<usize>) = covered.partition(is_mirror);
+            mirrors.extend(error(&image, &truth, &mirror));
+            others.extend(error(&image, &truth, &other));
+            let whole = detail(&truth.color, &truth);
+            details.extend((whole > 0.0).then(|| detail(&image, &truth) / whole));
+        }
+        watch.lap("scores");
+        let decibels = |x: &[f64]| -10.0 * order::max(Summary::of(x).mean, 1e-12).log10();
+        let mut out = Values::new();
+        if version == "shiny" {
+            let both = [("mirror_db", &mirrors), ("other_db", &others)];
+            out.extend(
+                both.into_iter()
+                    .filter(|(_, x)| !x.is_empty())
+                    .map(|(name, x)| (name.to_owned(), decibels(x))),
+            );
+        }
+        out.insert("detail".into(), Summary::of(&details).mean);
+        Ok(out)
+    }
+
+    fn report(&self, results: &[(Cell, Values)]) -> Report {
+        // Objects that have both.
+        let pairs: Vec<(f64, f64)> =
+            results.iter().filter_map(|(_, v)| Some((*v.get("mirror_db")?, *v.get("other_db")?))).collect();
+        let (mirrors, others): (Vec<f64>, Vec<f64>) = pairs.into_iter().unzip();
+        let loss = Summary::of_pairs(&mirrors, &others);
+        let detail = Summary::of(&of(results, "lettering", "detail"));
+        let line = |what: &str, s: &Summary| vec![what.to_owned(), shown(s, 2)];
+        Report {
+            id: "limits",
+            claim: "Mirrors and fine lettering are not reconstructed (Fig. 15): mirrors score below the rest of the same objects, and renders of printed objects have less than half of the detail.",
+            head: vec!["measure", ">value"],
+            rows: vec![
+                line("mirrors, dB", &Summary::of(&mirrors)),
+                line("rest of the same objects, dB", &Summary::of(&others)),
+                line("detail of printed objects, render / truth", &detail),
+            ],
+            chart_labels: ["mirrors − rest, dB", ""],
+            chart: Chart::Intervals(vec![("objects with mirrors".into(), loss)]),
+            outcome: Outcome::of(
+                (detail.count > 0).then_some(detail.mean < 0.5 && (loss.count == 0 || loss.mean < 0.0)),
+            ),
+            verdict: format!("Mirrors {} dB beside the rest; detail {}.", shown(&loss, 2), shown(&detail, 2)),
+        }
+    }
+}

@@ -1,0 +1,20 @@
+//! The experiments of LIRM: claims of the paper, and the results of this program.
+//!
+//! ```text
+//! setup      models, sizes, and the images of the objects that experiments share
+//! scoring    stages, rounds, controls, materials: a model on unseen objects, set by set
+//! scenes     an object that is added between two sets; egocentric images through a fisheye and a pinhole
+//! limits     mirrors and fine lettering
+//! occupancy  samples that a grid saves
+//! variants   small models of several kinds, trained from first values with equal steps
+//! ```
+//!
+//! [`crate::experiment`] runs the cells, stores their results and defines reports. A cell is a model and an object, so that rows are
+//! compared object by object; a variant is one training, and its values name the objects.
+
+pub mod limits;
+pub mod occupancy;
+pub mod scenes;
+pub mod scoring;
+pub mod setup;
+pub mod variants;

@@ -1,0 +1,112 @@
+//! Samples that a grid of occupied cells saves on reconstructions (the paper: 91.2 % of 1 024 per ray).
+
+use super::setup::{SEED, Setup, shown};
+use crate::Result;
+use crate::experiment::{Cell, Chart, Experiment, Outcome, Report, Summary, Values, of, rows};
+use crate::fit::field::view;
+use crate::fit::training::Watch;
+use crate::scene::camera::Camera;
+use data_gen::cameras;
+use lastlight_lirm::evaluate::{SET, settings};
+use lastlight_lirm::model::decode::Look;
+use lastlight_lirm::model::transformer::Input;
+use lastlight_lirm::model::weights::Ready;
+use serde_json::{Value, json};
+use std::sync::atomic::AtomicBool;
+
+/// Steps along the diagonal, as published.
+const STEPS: usize = 1024;
+/// Pixels per side of an image, as the published crops.
+const SIDE: usize = 192;
+/// Images.
+const IMAGES: usize = 4;
+/// Pixels per side of an input.
+const INPUT: usize = 64;
+/// Kinds of rows.
+const KINDS: [&str; 2] = ["all steps", "occupied cells and early stop"];
+
+/// The experiment.
+#[derive(Debug)]
+pub struct Occupied<'a> {
+    setup: &'a Setup,
+}
+
+/// Makes the experiment.
+pub fn occupied(setup: &Setup) -> Occupied<'_> {
+    Occupied { setup }
+}
+
+impl Experiment for Occupied<'_> {
+    fn id(&self) -> &'static str {
+        "occupancy"
+    }
+
+    fn cells(&self) -> Vec<Cell> {
+        let count = Ord::min(5, self.setup.size.objects);
+        let of = |k: u64| {
+            KINDS.iter().enumerate().map(move |(n, row)| Cell {
+                key: format!("{n}_{k}"),
+                row: (*row).into(),
+                seed: k,
+            })
+        };
+        (0..count).flat_map(of).collect()
+    }
+
+    fn settings(&self, cell: usize) -> Value {
+        let mut record = self.setup.record(self.setup.model());
+        record["render"] = json!([STEPS, SIDE, IMAGES, KINDS[cell % 2]]);
+        record
+    }
+
+    fn run(&self, cell: usize, watch: &mut dyn Watch, _: &AtomicBool) -> Result<Values> {
+        let (k, with_grid, model) = ((cell / 2) as u64, cell % 2 == 1, self.setup.model());
+        let views = self.setup.object(k, "uniform")?;
+        let set = settings(SEED, self.setup.size.samples);
+        let protocol = cameras::test(SEED, k, set.size);
+        let small = views.chosen(&protocol.inputs[..SET]).small(set.size / INPUT)?;
+        let inputs: Vec<Input> =
+            small.all.iter().map(|v| Input::of(v, &small.placement, model.config.is_whole)).collect();
+        let ready = Ready::new(model.config, &model.params);
+        let (state, _) = ready.read(&ready.no_state(), &inputs, None);
+        let steps = Ord::min(STEPS, 8 * self.setup.size.steps);
+        let usual = Look::of_field(steps, self.setup.protocol(model, "uniform").look.inverse_beta);
+        let look = if with_grid { usual } else { Look { early_stop: None, ..usual } };
+        let field = ready.decode(&state, look, views.placement);
+        watch.lap(crate::experiment::AROUND);
+        let cells = if with_grid { Some(view::occupancy(&field)?) } else { None };
+        watch.lap("filling");
+        let mut samples = 0;
+        for i in protocol.outputs.iter().take(IMAGES) {
+            let own = views.target(*i).camera;
+            let factor = SIDE as f32 / own.width as f32;
+            let camera = Camera {
+                width: SIDE,
+                height: SIDE,
+                focal_px: own.focal_px.map(|f| f * factor),
+                center_px: own.center_px.map(|c| c * factor),
+                ..own
+            };
+            samples += view::render(&field, cells.as_ref(), &camera, false).samples;
+        }
+        watch.lap("rendering");
+        let all = steps * SIDE * SIDE * IMAGES;
+        Ok(Values::from([("kept".into(), samples as f64 / all as f64)]))
+    }
+
+    fn report(&self, results: &[(Cell, Values)]) -> Report {
+        let kept =
+            |row: &str| Summary::of(&of(results, row, "kept").iter().map(|x| 100.0 * x).collect::<Vec<_>>());
+        let with_grid = kept(KINDS[1]);
+        Report {
+            id: "occupancy",
+            claim: "Occupied cells and early stop remove 91.2 % of 1 024 samples per ray (their times are in the table of costs).",
+            head: vec!["samples", ">taken, % of 1 024 per ray"],
+            rows: rows(results).iter().map(|row| vec![row.clone(), shown(&kept(row), 1)]).collect(),
+            chart_labels: ["samples taken, %", ""],
+            chart: Chart::Bars(rows(results).iter().map(|row| (row.clone(), kept(row).mean)).collect()),
+            outcome: Outcome::of((with_grid.count > 0).then_some(with_grid.mean <= 8.8)),
+            verdict: format!("{} % are taken.", shown(&with_grid, 1)),
+        }
+    }
+}

@@ -1,0 +1,192 @@
+//! What the experiments share.
+
+use crate::experiment::{Summary, Values};
+use crate::{Error, Result};
+use lastlight_lirm::evaluate::{Control, Numbers, Order, Protocol, means_of_materials, settings};
+use lastlight_lirm::model::decode::Look;
+use lastlight_lirm::model::file::{Model, digest};
+use lastlight_lirm::subject::Subject;
+use lastlight_lirm::train::stage::last_inverse_beta;
+use lastlight_lirm::views::Views;
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Seed of the objects that are scored: trainings have 0, choices 1.
+pub const SEED: u64 = 2;
+/// Objects whose images are kept: cells with the same object follow each other.
+const KEPT: usize = 4;
+
+/// Sizes of the runs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Size {
+    /// Objects.
+    pub objects: u64,
+    /// Samples per pixel of their images.
+    pub samples: u32,
+    /// Outputs of an object that are compared.
+    pub outputs: usize,
+    /// Steps of a ray.
+    pub steps: usize,
+    /// Steps of the trainings of [`super::variants`], objects of a step, and objects in memory.
+    pub training: [usize; 3],
+}
+
+impl Size {
+    /// Sizes of the complete study.
+    pub fn full() -> Self {
+        Self { objects: 24, samples: 64, outputs: 12, steps: 128, training: [1250, 8, 100] }
+    }
+
+    /// Sizes for a quick overview.
+    pub fn quick() -> Self {
+        Self { objects: 3, samples: 8, outputs: 6, steps: 96, training: [50, 8, 24] }
+    }
+
+    /// Sizes for a smoke test.
+    pub fn smoke() -> Self {
+        Self { objects: 1, samples: 1, outputs: 1, steps: 16, training: [1, 1, 1] }
+    }
+}
+
+/// A model with its name in tables.
+#[derive(Debug)]
+pub struct Named {
+    /// The stages that made it, the last of them first in tables.
+    pub name: String,
+    /// The model.
+    pub model: Model,
+}
+
+impl Named {
+    /// Names a model by its last stage.
+    pub fn new(model: Model) -> Self {
+        let name = model.stages.last().map_or_else(|| "first values".to_owned(), |s| format!("stage {s}"));
+        Self { name, model }
+    }
+}
+
+/// Mean albedo, roughness and metallic.
+type Means = ([f32; 3], [f32; 2]);
+/// The images of objects that were made last, by number and kind.
+type Kept = Vec<((u64, String), Arc<Views>)>;
+
+/// Models, sizes and images.
+#[derive(Debug)]
+pub struct Setup {
+    /// Sizes of the runs.
+    pub size: Size,
+    /// The model that is scored is the last.
+    pub models: Vec<Named>,
+    kept: Mutex<Kept>,
+    means: Mutex<BTreeMap<String, Means>>,
+}
+
+impl Setup {
+    /// Begins without images.
+    ///
+    /// # Errors
+    /// If there is no model.
+    pub fn new(size: Size, models: Vec<Named>) -> Result<Self> {
+        if models.is_empty() {
+            return Err(Error::input("--model").expected("at least one model").got("none"));
+        }
+        Ok(Self { size, models, kept: Mutex::default(), means: Mutex::default() })
+    }
+
+    /// The model that is scored.
+    pub fn model(&self) -> &Model {
+        &self.models[self.models.len() - 1].model
+    }
+
+    /// How a model is scored, without the comparison of materials.
+    pub fn protocol(&self, model: &Model, version: &str) -> Protocol {
+        Protocol {
+            set: settings(SEED, self.size.samples),
+            version: version.to_owned(),
+            order: Order::Random,
+            look: Look::of_field(self.size.steps, last_inverse_beta(&model.stages)),
+            control: Control::None,
+            sets: 4,
+            outputs: self.size.outputs,
+            means: None,
+            shapes: false,
+        }
+    }
+
+    /// The images of a subject with the cameras of object `k`; `kind` names it.
+    ///
+    /// # Errors
+    /// Those of the rendering.
+    pub fn images(&self, k: u64, kind: &str, made: impl FnOnce() -> Result<Views>) -> Result<Arc<Views>> {
+        let key = (k, kind.to_owned());
+        let find = |kept: &Kept| kept.iter().find(|(own, _)| *own == key).map(|(_, views)| views.clone());
+        if let Some(views) = find(&self.kept.lock().unwrap_or_else(PoisonError::into_inner)) {
+            return Ok(views);
+        }
+        let views = Arc::new(made()?);
+        let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        if kept.len() >= KEPT {
+            kept.remove(0);
+        }
+        kept.push((key, views.clone()));
+        Ok(views)
+    }
+
+    /// The images of object `k` of the test set.
+    ///
+    /// # Errors
+    /// Those of the rendering.
+    pub fn object(&self, k: u64, version: &str) -> Result<Arc<Views>> {
+        let set = settings(SEED, self.size.samples);
+        self.images(k, version, || Views::rendered(&set, k, version))
+    }
+
+    /// Means of the materials of training objects.
+    ///
+    /// # Errors
+    /// Those of the rendering.
+    pub fn means(&self, version: &str) -> Result<Means> {
+        let mut all = self.means.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(means) = all.get(version) {
+            return Ok(*means);
+        }
+        let means = means_of_materials(0, version)?;
+        all.insert(version.to_owned(), means);
+        Ok(means)
+    }
+
+    /// Object `k` of the test set.
+    ///
+    /// # Errors
+    /// If it cannot be made.
+    pub fn subject(&self, k: u64) -> Result<Subject> {
+        Subject::new(&settings(SEED, self.size.samples), k)
+    }
+
+    /// The settings that a result depends on.
+    pub fn record(&self, model: &Model) -> Value {
+        json!({
+            "model": digest(&model.params), "samples": self.size.samples, "outputs": self.size.outputs, "steps": self.size.steps,
+            "seed": SEED,
+            "lastlight": env!("CARGO_PKG_VERSION"),
+        })
+    }
+}
+
+/// Numbers of all rounds as values of a cell, `NAME_1` and so on.
+pub fn values(rounds: &[Numbers]) -> Values {
+    let numbered = |(r, numbers): (usize, &Numbers)| {
+        numbers.iter().map(move |(name, x)| (format!("{name}_{}", r + 1), *x)).collect::<Vec<_>>()
+    };
+    rounds.iter().enumerate().flat_map(numbered).collect::<BTreeMap<_, _>>()
+}
+
+/// A mean with its interval, for a table.
+pub fn shown(s: &Summary, digits: usize) -> String {
+    match s.count {
+        0 => "–".into(),
+        1 => format!("{:.digits$}", s.mean),
+        _ => format!("{:.digits$} ± {:.digits$}", s.mean, s.half_width),
+    }
+}
