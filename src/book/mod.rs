@@ -7,7 +7,7 @@
 //!                             │
 //!                             ├──► light_and_rays ──► known_truth ──► learned_causes
 //!                             ├──► field ──► field_adjoint ──► meshes
-//!                             └──► tokens ──► attention
+//!                             └──► tokens ──► attention ──► updates
 //! notation       paper symbol, name in the code, shape, unit        bibliography    cited works
 //! ```
 //!
@@ -73,6 +73,9 @@ pub mod tokens {}
 
 #[doc = include_str!("attention.md")]
 pub mod attention {}
+
+#[doc = include_str!("updates.md")]
+pub mod updates {}
 
 #[doc = include_str!("notation.md")]
 pub mod notation {}

@@ -97,7 +97,7 @@ impl Views {
         let all = pictures.into_iter().zip(photos);
         Ok(Self {
             all: all.map(|(picture, photo)| View { picture, photo }).collect(),
-            placement: Placement { center: [0.0; 3], scale: 1.0 },
+            placement: Placement::new([0.0; 3], 1.0),
         })
     }
 

@@ -138,14 +138,19 @@ pub struct Settings {
     pub background: f32,
 }
 
-/// Where a field is in the world: x = (X − centre)·scale.
+/// Where a field is in the world: x = Q·(X − centre)·scale.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Placement {
     /// The point of the world at the origin of the field.
     pub center: [f64; 3],
     /// Units of the field per unit of the world, > 0.
     pub scale: f64,
+    /// The rotation Q from the axes of the world to those of the field.
+    pub rotation: [[f64; 3]; 3],
 }
+
+/// The rotation that changes nothing.
+const IDENTITY: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
 /// A field.
 #[derive(Clone, Debug, PartialEq)]
@@ -240,19 +245,42 @@ impl Default for Settings {
 impl Default for Placement {
     /// The world is that of the field.
     fn default() -> Self {
-        Self { center: [0.0; 3], scale: 1.0 }
+        Self { center: [0.0; 3], scale: 1.0, rotation: IDENTITY }
     }
 }
 
 impl Placement {
+    /// A placement with the axes of the world.
+    pub const fn new(center: [f64; 3], scale: f64) -> Self {
+        Self { center, scale, rotation: IDENTITY }
+    }
+
+    /// Whether the axes of the field are not those of the world.
+    pub fn is_turned(&self) -> bool {
+        self.rotation != IDENTITY
+    }
+
     /// Returns the point of the field at a point of the world.
     pub fn to_field(&self, x: [f64; 3]) -> [f64; 3] {
-        std::array::from_fn(|k| (x[k] - self.center[k]) * self.scale)
+        let from = std::array::from_fn(|k| (x[k] - self.center[k]) * self.scale);
+        if self.is_turned() { self.direction_to_field(from) } else { from }
     }
 
     /// Returns the point of the world at a point of the field.
     pub fn to_world(&self, x: [f64; 3]) -> [f64; 3] {
+        let x = if self.is_turned() { self.direction_to_world(x) } else { x };
         std::array::from_fn(|k| x[k] / self.scale + self.center[k])
+    }
+
+    /// Q·d of a direction of the world.
+    pub fn direction_to_field(&self, d: [f64; 3]) -> [f64; 3] {
+        self.rotation.map(|row| (row[0] * d[0] + row[1] * d[1]) + row[2] * d[2])
+    }
+
+    /// Qᵀ·d of a direction of the field.
+    pub fn direction_to_world(&self, d: [f64; 3]) -> [f64; 3] {
+        let q = &self.rotation;
+        std::array::from_fn(|k| (q[0][k] * d[0] + q[1][k] * d[1]) + q[2][k] * d[2])
     }
 }
 
@@ -336,6 +364,9 @@ impl Field {
         d.bytes(self.settings.json().to_string().as_bytes());
         d.f64(&[3], &self.placement.center)?;
         d.f64(&[1], &[self.placement.scale])?;
+        if self.placement.is_turned() {
+            d.f64(&[3, 3], self.placement.rotation.as_flattened())?;
+        }
         Ok(format!("{:016x}", d.value()))
     }
 }

@@ -57,7 +57,7 @@ pub(crate) fn field_file() -> Vec<u8> {
             rho: Some(network(&[6, 1])),
         },
         settings: Settings::default(),
-        placement: Placement { center: [0.1, 0.2, 0.3], scale: 2.5 },
+        placement: Placement::new([0.1, 0.2, 0.3], 2.5),
     };
     field.to_bytes().expect("a valid field")
 }

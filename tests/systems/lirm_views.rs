@@ -1,7 +1,8 @@
 //! An object in memory has the pixels of the same object on disk; turning, lighting and shrinking it.
 
-use lastlight::fit::field::targets::Pictures;
+use lastlight::fit::field::targets::{Pictures, target};
 use lastlight::lirm::r#gen::{self as set, Lighting, Settings};
+use lastlight::lirm::model::transformer::Input;
 use lastlight::lirm::views::Views;
 use lastlight::scene::field::Placement;
 use lastlight::scene::views::{Masks, Options};
@@ -30,7 +31,7 @@ fn an_object_in_memory_has_the_pixels_of_its_files() {
         let made = Views::rendered(&settings(), 5, version).expect("an object");
         let folder = dir.path().join("object_00005").join(version);
         let read = Pictures::load(&folder, &options, None).expect("a capture");
-        let placement = Placement { center: [0.0; 3], scale: 1.0 };
+        let placement = Placement::new([0.0; 3], 1.0);
         let read = Views::of_capture(&read, &[0, 1, 2], placement).expect("in range");
         for (a, b) in made.all.iter().zip(&read.all) {
             let (p, q) = (&a.picture, &b.picture);
@@ -86,4 +87,24 @@ fn brightness_leaves_the_background_and_small_images_are_means() {
     let (coarse, fine) = (ray(&small, [2.0, 5.0]), ray(&made, [8.0, 20.0]));
     assert!(coarse.1.iter().zip(fine.1).all(|(a, b)| (a - b).abs() < 1e-6), "the same ray");
     assert!(made.small(5).is_err(), "not a whole number of blocks");
+}
+
+#[test]
+fn turned_axes_of_a_field_are_those_of_a_turned_object() {
+    let made = Views::rendered(&settings(), 5, "uniform").expect("an object");
+    let turned = made.clone().turned(0.7);
+    let (sin, cos) = (libm::sin(0.7), libm::cos(0.7));
+    let rotation = [[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]];
+    let at = Placement { rotation, ..made.placement };
+    for (i, view) in made.all.iter().enumerate() {
+        let (a, b) = (Input::of(view, &at, true), Input::of(&turned.all[i], &made.placement, true));
+        assert_eq!((&a.image, &a.photo), (&b.image, &b.photo));
+        assert!(a.rays.iter().zip(&b.rays).all(|(x, y)| (x - y).abs() < 2e-6), "rays");
+        let (a, b) = (target(&view.picture, &at), turned.target(i));
+        let near = |a: &Option<Vec<f32>>, b: &Option<Vec<f32>>| {
+            let (a, b) = (a.as_ref().expect("a pass"), b.as_ref().expect("a pass"));
+            a.iter().zip(b).all(|(x, y)| (x - y).abs() < 2e-6)
+        };
+        assert!(near(&a.normal, &b.normal) && a.solid == b.solid && a.depth == b.depth, "passes");
+    }
 }

@@ -1,8 +1,9 @@
-//! Commands of LIRM: data (`gen`), the stages of a training (`train`), a field from images
+//! Commands of LIRM: data (`gen`), first values (`init`), the stages of a training (`train`), a field from images
 //! (`reconstruct`, `update`), images of it under new light (`relight`), scores of a model (`eval`), experiments (`study`). Arguments are turned into records of `lirm`; nothing is computed here.
 
 mod eval;
 mod r#gen;
+mod init;
 mod reconstruct;
 mod relight;
 mod study;
@@ -16,6 +17,8 @@ use clap::Subcommand;
 pub(super) enum Command {
     /// Render training, test or egocentric data with known shape, materials and light
     Gen(Box<r#gen::Args>),
+    /// Write a model with first values
+    Init(init::Args),
     /// Train one stage of a model on built-in objects
     Train(Box<train::Args>),
     /// Reconstruct an object from a few images
@@ -37,6 +40,7 @@ pub(super) enum Command {
 pub(super) fn run(command: &Command) -> Result<()> {
     match command {
         Command::Gen(args) => r#gen::run(args),
+        Command::Init(args) => init::run(args),
         Command::Train(args) => train::run(args),
         Command::Reconstruct(args) => reconstruct::run(args),
         Command::Update(args) => reconstruct::update(args),

@@ -1,14 +1,16 @@
 //! `lirm reconstruct` and `lirm update`: a field from a few images of an object, and a better one from more.
 
+use crate::choices::{Choices, choices};
 use crate::field::{page, read};
-use crate::fit::field::place::{around, placement, unit_ball};
+use crate::fit::field::place::{Pose, around, placement, posed, unit_ball};
 use crate::fit::field::scores::means;
 use crate::fit::field::targets::{Picture, Pictures};
 use crate::fit::field::{score, view};
 use crate::fit::render::flat_name;
 use crate::fit::training::Watch;
-use crate::io::atomic;
+use crate::io::{atomic, memory};
 use crate::meter::Meter;
+use crate::num::gemm::{Finish, View, gemm};
 use crate::report::run::Run;
 use crate::report::{self};
 use crate::scene::field::{FILE as FIELD, Placement};
@@ -16,8 +18,10 @@ use crate::shared::{ForceArgs, Outcome};
 use crate::training::RESULT;
 use crate::units::counted;
 use crate::{Error, Result, claim, console as cli, version};
+use lastlight_lirm::model::config::Config;
 use lastlight_lirm::model::decode::Look;
 use lastlight_lirm::model::file::{Model, digest};
+use lastlight_lirm::model::params::count;
 use lastlight_lirm::model::state::{FILE as STATE, State};
 use lastlight_lirm::model::transformer::Input;
 use lastlight_lirm::model::weights::Ready;
@@ -29,6 +33,13 @@ use std::path::PathBuf;
 
 /// Pixels per side of the images that a model is trained with.
 const TRAINED: usize = 64;
+
+/// Values of `--pose`.
+const POSES: &Choices = &[
+    ("world", "those of the capture"),
+    ("upright", "z up, as it is in the images; for captures with other axes"),
+    ("first-camera", "those of the first input camera, as published"),
+];
 
 /// Which images of a capture are read, and how the result is rendered.
 #[derive(clap::Args)]
@@ -79,6 +90,9 @@ pub(crate) struct Args {
     /// Folder with transforms.json or a COLMAP model, or the transforms.json itself
     #[arg(value_name = "DIR")]
     capture: PathBuf,
+    /// Axes of the field; the model was trained with z up
+    #[arg(long, value_name = "NAME", default_value = "world", value_parser = choices(POSES))]
+    pose: String,
     #[command(flatten)]
     common: Common,
 }
@@ -153,15 +167,65 @@ impl Common {
 }
 
 pub(super) fn run(args: &Args) -> Result<()> {
-    made(&args.common, &args.capture, None, "lirm reconstruct")
+    let pose = match args.pose.as_str() {
+        "upright" => Pose::Upright,
+        "first-camera" => Pose::FirstCamera,
+        _ => Pose::World,
+    };
+    made(&args.common, &args.capture, Start::Nothing(pose), "lirm reconstruct")
 }
 
 pub(super) fn update(args: &UpdateArgs) -> Result<()> {
     let before = State::read(&args.state)?;
-    made(&args.common, &args.capture, Some(before), "lirm update")
+    made(&args.common, &args.capture, Start::State(Box::new(before)), "lirm update")
 }
 
-fn made(args: &Common, capture: &std::path::Path, before: Option<State>, kind: &'static str) -> Result<()> {
+/// Products of this many rows, columns and inner numbers tell how fast the machine is.
+const SAMPLE: usize = 512;
+/// Floating-point operations from which the time is told before they start.
+const LONG: f64 = 1e12;
+
+/// Prints the size of the work before it starts; refuses what does not fit into the memory.
+fn announce(config: &Config, sets: &[Vec<Input>], meter: &mut Meter) -> Result<()> {
+    let tokens = |set: &Vec<Input>| set.iter().fold(0, |sum, x| sum + x.tokens());
+    let most = sets.iter().map(tokens).fold(0, Ord::max);
+    let (parameters, operations) =
+        (count(config), sets.iter().fold(0.0, |sum, set| sum + config.flops(tokens(set))[0]));
+    let bytes = config.memory(parameters, most);
+    memory::check("lirm reconstruct", bytes).map_err(|e| {
+        e.hint("--images-per-set and --downscale lower the estimate, --max-memory raises the limit")
+    })?;
+    let mut line = format!(
+        "{parameters} parameters, {} tokens in the largest set, {:.1} GiB, {:.3} TFLOP",
+        config.state_tokens() + most,
+        bytes as f64 / f64::from(1 << 30),
+        1e-12 * operations
+    );
+    if operations > LONG {
+        let factor = vec![0.5; SAMPLE * SAMPLE];
+        let mut product = vec![0.0; SAMPLE * SAMPLE];
+        let of = || View::new(&factor, SAMPLE, SAMPLE);
+        gemm(of(), of(), Finish::Store, &mut product);
+        let before = meter.seconds();
+        (0..4).for_each(|_| gemm(of(), of(), Finish::Store, &mut product));
+        let rate = 8.0 * (SAMPLE * SAMPLE * SAMPLE) as f64 / (meter.seconds() - before);
+        line += &format!(", about {} at {:.0} GFLOP/s", report::seconds(operations / rate), 1e-9 * rate);
+    }
+    meter.note(&line);
+    Ok(())
+}
+
+/// What the first set is read after.
+enum Start {
+    Nothing(Pose),
+    State(Box<State>),
+}
+
+fn made(args: &Common, capture: &std::path::Path, start: Start, kind: &'static str) -> Result<()> {
+    let (before, pose) = match start {
+        Start::Nothing(pose) => (None, pose),
+        Start::State(state) => (Some(*state), Pose::World),
+    };
     let mut meter = Meter::new();
     let model = Model::read(&args.model)?;
     let own = digest(&model.params);
@@ -182,17 +246,21 @@ fn made(args: &Common, capture: &std::path::Path, before: Option<State>, kind: &
     }
     let place = match &before {
         Some(state) => state.placement,
-        None if pictures.is_unit_ball => placement(&unit_ball()),
         None => {
             let read: Vec<&Picture> = which.iter().map(|i| &pictures.pictures[*i]).collect();
-            placement(&around(&read, pictures.views.scene_box.center)?)
+            let scene = match pictures.is_unit_ball {
+                true => unit_ball(),
+                false => around(&read, pictures.views.scene_box.center)?,
+            };
+            posed(placement(&scene), pose, &read.iter().map(|p| &p.camera).collect::<Vec<_>>())?
         }
     };
     let dir = claim::folder(&args.out, false, args.filling.force)?;
     meter.lap("reading");
     let sets = args.sets(&pictures, &which, place, model.config.is_whole)?;
-    let ready = Ready::new(model.config, &model.params);
     meter.lap("inputs");
+    announce(&model.config, &sets, &mut meter)?;
+    let ready = Ready::new(model.config, &model.params);
     let start = before.as_ref().map_or_else(|| ready.no_state(), |s| s.tokens.clone());
     let tokens = ready.read_all(&start, &sets);
     meter.lap("transformer");

@@ -1,5 +1,6 @@
 //! `lirm train`: one stage of the training of a LIRM model.
 
+use super::init::CONFIGS;
 use crate::choices::{Choices, choices};
 use crate::console as cli;
 use crate::fit::training::{Fit, Watch};
@@ -19,11 +20,6 @@ use lastlight_lirm::train::{Settings, Training};
 use serde_json::json;
 use std::path::PathBuf;
 
-/// Values of `--config`.
-const CONFIGS: &Choices = &[
-    ("small", "6 blocks of width 256: 5.8 million parameters"),
-    ("paper", "24 blocks of width 1024: 326 million parameters"),
-];
 /// Values of `--stage`.
 const STAGES: &Choices = &[
     ("1a", "white dome; colour, mask and normals; 2 200 steps"),

@@ -181,6 +181,15 @@ impl Config {
         [attention + linear + ends, attention]
     }
 
+    /// Returns the bytes that one set of images without gradients needs at most, for a number of image tokens: weights, the matrices that weight
+    /// norm makes, twelve arrays of all tokens, and the texels. `parameters` is the number of weights.
+    pub fn memory(&self, parameters: usize, image_tokens: usize) -> u64 {
+        let (tokens, d) = (self.state_tokens() + image_tokens, self.width);
+        let normed = self.blocks * 8 * d * d;
+        let texels = self.state_tokens() * PATCH * PATCH * self.channels;
+        4 * (parameters + normed + 12 * tokens * d + texels) as u64
+    }
+
     /// Returns the settings as a flat JSON object.
     pub fn json(&self) -> Value {
         json!({

@@ -3,7 +3,7 @@
 //! | array | shape | |
 //! |---|---|---|
 //! | `tokens` | (T, D) | those of the planes, then those of the panoramas |
-//! | `placement/center`, `placement/scale` | (3), (1) | x = (X − centre)·scale, as in the file of a field |
+//! | `placement/center`, `placement/scale`, `placement/rotation` | (3), (1), (3, 3) | x = Q·(X − centre)·scale |
 //!
 //! Metadata: `kind`, `version`, `configuration` of the model, `model` (digest of its weights), `sets` (numbers of images, in the order in
 //! which they were read), `exposure` (factor from radiance to the images). The size of the file does not depend on how many images were read.
@@ -49,6 +49,7 @@ impl State {
         arrays.put("tokens", &[self.tokens.len() / width, width], self.tokens.clone());
         arrays.put("placement/center", &[3], self.placement.center.to_vec());
         arrays.put("placement/scale", &[1], vec![self.placement.scale]);
+        arrays.put("placement/rotation", &[3, 3], self.placement.rotation.as_flattened().to_vec());
         let sets: Vec<String> = self.sets.iter().map(ToString::to_string).collect();
         let meta = BTreeMap::from([
             ("kind".to_owned(), KIND.to_owned()),
@@ -95,7 +96,8 @@ fn parse(arrays: &Arrays, meta: &BTreeMap<String, String>) -> Result<State> {
     let tokens = arrays.shape("tokens", &pattern, &mut sizes)?.to_f32();
     let center = arrays.shape("placement/center", "3", &mut sizes)?.to_f64();
     let scale = arrays.shape("placement/scale", "1", &mut sizes)?.to_f64();
-    let names = ["tokens", "placement/center", "placement/scale"];
+    let q = arrays.shape("placement/rotation", "3,3", &mut sizes)?.to_f64();
+    let names = ["tokens", "placement/center", "placement/scale", "placement/rotation"];
     arrays.finite(names)?;
     if let Some(extra) = arrays.0.keys().find(|name| !names.contains(&name.as_str())) {
         return Err(Error::input(format!("array '{extra}'"))
@@ -107,7 +109,11 @@ fn parse(arrays: &Arrays, meta: &BTreeMap<String, String>) -> Result<State> {
             .expected("a number above 0")
             .got(scale[0].to_string()));
     }
-    let placement = Placement { center: std::array::from_fn(|k| center[k]), scale: scale[0] };
+    let placement = Placement {
+        center: std::array::from_fn(|k| center[k]),
+        scale: scale[0],
+        rotation: std::array::from_fn(|r| std::array::from_fn(|c| q[3 * r + c])),
+    };
     Ok(State { tokens, placement, config, model: text("model")?.clone(), sets, exposure })
 }
 
@@ -122,7 +128,10 @@ mod tests {
             Config { blocks: 1, width: 8, heads: 2, plane_tokens: 1, embed_tokens: 1, ..Config::SMALL };
         let state = State {
             tokens: (0..56).map(|i| i as f32 / 7.0).collect(),
-            placement: Placement { center: [0.1, -2.0, 3.5], scale: 0.3 },
+            placement: Placement {
+                rotation: [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]],
+                ..Placement::new([0.1, -2.0, 3.5], 0.3)
+            },
             config,
             model: "0123456789abcdef".to_owned(),
             sets: vec![4, 3],

@@ -48,7 +48,7 @@ fn params() -> Params {
     params
 }
 
-const PLACEMENT: Placement = Placement { center: [0.0; 3], scale: 1.0 };
+const PLACEMENT: Placement = Placement::new([0.0; 3], 1.0);
 const LOOK: Look = Look { samples: 16, inverse_beta: 10.0, least_weight: None, early_stop: None };
 
 /// A linear function of all texels of the field that a state decodes to, after two sets of images of two sizes.

@@ -68,7 +68,7 @@ impl Source for Stored {
         let pictures = Pictures::load(&self.folder(k).join(version), &options, None)?;
         let which: Vec<usize> = (0..pictures.pictures.len()).collect();
         // Objects of a set are in the ball of radius ½, the origin at its centre.
-        Views::of_capture(&pictures, &which, Placement { center: [0.0; 3], scale: 1.0 })
+        Views::of_capture(&pictures, &which, Placement::new([0.0; 3], 1.0))
     }
 
     fn distances(&self, k: u64) -> Result<Distances> {

@@ -165,6 +165,17 @@ impl Field {
         self.heads.validate(features, self.panoramas.as_ref().map(|p| p.channels))?;
         let [most, least] = [f64::from(MAX_VALUE), f64::from(f32::MIN_POSITIVE)];
         self.placement.center.iter().try_for_each(|x| within("placement: centre", *x, -most..=most))?;
-        within("placement: scale", self.placement.scale, least..=most)
+        within("placement: scale", self.placement.scale, least..=most)?;
+        let q = &self.placement.rotation;
+        let dot = |a: usize, b: usize| (q[a][0] * q[b][0] + q[a][1] * q[b][1]) + q[a][2] * q[b][2];
+        for (a, b) in [(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0)] {
+            let off = dot(a, b) - f64::from(u8::from(a == b));
+            within(
+                "placement: rows of the rotation, products of two minus those of unit vectors",
+                off,
+                -1e-6..=1e-6,
+            )?;
+        }
+        Ok(())
     }
 }

@@ -7,6 +7,7 @@
 //! | `heads/NAME/LAYER` | (outputs, inputs) | f32; layers count from 0 |
 //! | `placement/center` | (3) | f64 |
 //! | `placement/scale` | (1) | f64 |
+//! | `placement/rotation` | (3, 3) | f64; missing where the axes are those of the world |
 //!
 //! Metadata: `kind` = `field`, `version`, `settings` ([`Settings::json`]), `heads` =
 //! `separate` or `trunk`, `digest` ([`Field::digest`]). Other arrays and settings are errors: a reader that
@@ -128,18 +129,24 @@ fn network(arrays: &Arrays, name: &str) -> Result<Option<Network>> {
 }
 
 fn placement(arrays: &Arrays) -> Result<Placement> {
-    let doubles = |name: &str, n: usize| -> Result<Vec<f64>> {
+    let doubles = |name: &str, shape: &[usize]| -> Result<Vec<f64>> {
         match arrays.need(name)? {
-            Array::F64(a) if a.shape() == [n] => Ok(a.iter().copied().collect()),
+            Array::F64(a) if a.shape() == shape => Ok(a.iter().copied().collect()),
             other => {
                 let e = Error::input(format!("array '{name}'"));
                 let got = format!("{} of shape {:?}", other.dtype(), other.shape());
+                let n = shape.iter().fold(1, |n, side| n * side);
                 Err(e.expected(format!("{n} numbers of type float64")).got(got))
             }
         }
     };
-    let (center, scale) = (doubles("placement/center", 3)?, doubles("placement/scale", 1)?);
-    Ok(Placement { center: [center[0], center[1], center[2]], scale: scale[0] })
+    let (center, scale) = (doubles("placement/center", &[3])?, doubles("placement/scale", &[1])?);
+    let made = Placement::new([center[0], center[1], center[2]], scale[0]);
+    if arrays.get("placement/rotation").is_none() {
+        return Ok(made);
+    }
+    let q = doubles("placement/rotation", &[3, 3])?;
+    Ok(Placement { rotation: std::array::from_fn(|r| std::array::from_fn(|c| q[3 * r + c])), ..made })
 }
 
 impl Field {
@@ -157,6 +164,9 @@ impl Field {
         }
         out.put("placement/center", &[3], self.placement.center.to_vec());
         out.put("placement/scale", &[1], vec![self.placement.scale]);
+        if self.placement.is_turned() {
+            out.put("placement/rotation", &[3, 3], self.placement.rotation.as_flattened().to_vec());
+        }
         out
     }
 

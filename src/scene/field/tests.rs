@@ -32,7 +32,7 @@ fn complete() -> Field {
             rho: Some(network(&[6, 4, 1], 60)),
         },
         settings: Settings { inverse_beta: 133.7, early_stop: Some(1e-4), ..Settings::default() },
-        placement: Placement { center: [0.1, -2.0 / 3.0, 1e-17], scale: 1.0 / 3.0 },
+        placement: Placement::new([0.1, -2.0 / 3.0, 1e-17], 1.0 / 3.0),
     }
 }
 

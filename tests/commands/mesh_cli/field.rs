@@ -20,7 +20,7 @@ fn write_field(path: &Path) {
             rho: None,
         },
         settings: Settings { half_size: 1.0, ..Settings::default() },
-        placement: Placement { center: [1.0, 2.0, 3.0], scale: 0.5 },
+        placement: Placement::new([1.0, 2.0, 3.0], 0.5),
     };
     std::fs::write(path, field.to_bytes().expect("a valid field")).expect("written");
 }

@@ -50,7 +50,7 @@ fn bumpy(radius: f64) -> Field {
             rho: None,
         },
         settings: Rendering { half_size: HALF, combine: Combine::Concat, ..Rendering::default() },
-        placement: Placement { center: [0.0; 3], scale: 1.0 },
+        placement: Placement::new([0.0; 3], 1.0),
     }
 }
 

@@ -94,7 +94,7 @@ fn the_mesh_of_zero_planes_is_a_sphere_of_a_tenth_of_the_box() {
         assert!(out > 0.9, "normals point outwards: {out}");
     }
     // In the world.
-    field.placement = Placement { center: [3.0, -2.0, 1.0], scale: 0.25 };
+    field.placement = Placement::new([3.0, -2.0, 1.0], 0.25);
     let baked = bake(&field, &coarse()).expect("a surface");
     for x in &baked.object.mesh.positions {
         let d: Vec<f64> = (0..3).map(|k| f64::from(x[k]) - field.placement.center[k]).collect();

@@ -349,6 +349,11 @@ pub fn bake(field: &Field, settings: &Settings) -> Result<Baked> {
     for x in &mut mesh.positions {
         *x = field.placement.to_world(x.map(f64::from)).map(|x| x as f32);
     }
+    if field.placement.is_turned() {
+        for n in &mut mesh.normals {
+            *n = field.placement.direction_to_world(n.map(f64::from)).map(|x| x as f32);
+        }
+    }
     let used = texels.len() as f64 / (size * size) as f64;
     let object = Object { material_of: vec![0; mesh.triangles.len()], mesh, materials: vec![material] };
     Ok(Baked { object, cavities, parts, charts: made.charts, used })

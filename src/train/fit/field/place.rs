@@ -4,13 +4,17 @@
 //! the foreground of every image: the largest distance of a foreground ray from the centre. Centre and radius become the
 //! origin and ½; the box is a twentieth larger. Images of `lirm gen` have this form already and are used as they are.
 //!
+//! The axes are those of the world, unless another pose is asked for ([`posed`]).
+//!
 //! A grid of points in the sphere's cube serves as a check: if every point is background in some image that sees it,
 //! cameras and foreground contradict each other.
 
 use super::targets::Picture;
 use crate::num::{order, par};
 use crate::scene::bound::project;
+use crate::scene::camera::Camera;
 use crate::scene::field::Placement;
+use crate::scene::placement::up;
 use crate::scene::views::SceneBox;
 use crate::{Error, Result};
 
@@ -98,8 +102,106 @@ pub fn unit_ball() -> SceneBox {
     SceneBox { center: [0.0; 3], half_size: MARGIN * 0.5 }
 }
 
+/// How the axes of a field lie in the world.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Pose {
+    /// Those of the world.
+    World,
+    /// z up, as it is in the images: the direction that is most nearly upright in all of them.
+    Upright,
+    /// Those of the first camera: to the right, down, forwards.
+    FirstCamera,
+}
+
+/// Returns the placement with its axes turned. LIRM turns the world by the inverse rotation of the first camera; a model that was trained with
+/// z up needs that direction.
+///
+/// # Errors
+/// When the images do not show which direction is up.
+pub fn posed(at: Placement, pose: Pose, cameras: &[&Camera]) -> Result<Placement> {
+    let rotation = match (pose, cameras.first()) {
+        (Pose::World, _) | (_, None) => return Ok(at),
+        (Pose::FirstCamera, Some(first)) => orthonormal(first.rotation.map(|row| row.map(f64::from))),
+        (Pose::Upright, Some(_)) => {
+            let row = |c: &Camera, k: usize| c.rotation[k].map(f64::from);
+            let directions: Vec<_> = cameras.iter().map(|c| (row(c, 0), row(c, 1).map(|x| -x))).collect();
+            let up = up(&directions).ok_or_else(|| {
+                Error::input("--pose")
+                    .expected("images that show which direction is up")
+                    .got("cameras that are held in opposite ways")
+            })?;
+            // The horizontal axis nearest to x or y stays near it.
+            let helper = if up[0].abs() < 0.9 { [1.0, 0.0, 0.0] } else { [0.0, 1.0, 0.0] };
+            orthonormal([cross(cross(up, helper), up), cross(up, helper), up])
+        }
+    };
+    Ok(Placement { rotation, ..at })
+}
+
+fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+/// The last row, then the first two made orthogonal to it, all of unit length.
+fn orthonormal(rows: [[f64; 3]; 3]) -> [[f64; 3]; 3] {
+    let unit = |x: [f64; 3]| {
+        let length = ((x[0] * x[0] + x[1] * x[1]) + x[2] * x[2]).sqrt();
+        x.map(|v| v / length)
+    };
+    let z = unit(rows[2]);
+    let y = unit(cross(z, rows[0]));
+    [cross(y, z), y, z]
+}
+
 /// Returns the placement of a field that fills a box.
 pub fn placement(scene: &SceneBox) -> Placement {
     let half = f64::from(super::state::HALF_SIZE);
-    Placement { center: scene.center, scale: half / scene.half_size }
+    Placement::new(scene.center, half / scene.half_size)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::camera::Model;
+
+    /// A camera at `eye` that looks at the origin with `up` upwards.
+    fn looking(eye: [f64; 3], up: [f64; 3]) -> Camera {
+        let [_, _, z] = orthonormal([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], eye.map(|x| -x)]);
+        let rotation = orthonormal([cross(z, up), cross(z, cross(z, up)), z]);
+        let mut m = [0.0; 16];
+        for (i, r) in rotation.iter().enumerate() {
+            (0..3).for_each(|k| m[4 * i + k] = r[k] as f32);
+            m[4 * i + 3] = -((r[0] * eye[0] + r[1] * eye[1]) + r[2] * eye[2]) as f32;
+        }
+        m[15] = 1.0;
+        Camera::from_matrices(&m, &[50.0, 0.0, 32.0, 0.0, 50.0, 32.0, 0.0, 0.0, 1.0], 64, 64, Model::Pinhole)
+    }
+
+    #[test]
+    fn upright_axes_have_z_up_whatever_the_axes_of_the_capture() {
+        // A capture with y down.
+        let up = [0.0, -1.0, 0.0];
+        let around = |i: i32| {
+            let a = f64::from(i);
+            looking([libm::cos(a) * 2.0, -0.7, libm::sin(a) * 2.0], up)
+        };
+        let cameras: Vec<Camera> = (0..7).map(around).collect();
+        let at = Placement::new([0.1, 0.2, 0.3], 2.0);
+        let of = |pose| posed(at, pose, &cameras.iter().collect::<Vec<_>>()).expect("they agree");
+        assert_eq!(of(Pose::World), at);
+        let upright = of(Pose::Upright);
+        let z = upright.direction_to_field(up);
+        assert!(z[2] > 0.999, "{z:?}");
+        let first = of(Pose::FirstCamera);
+        let forward = first.direction_to_field(cameras[0].rotation[2].map(f64::from));
+        assert!((forward[2] - 1.0).abs() < 1e-6, "{forward:?}");
+        for q in [upright, first] {
+            let x = [0.3, -1.0, 2.0];
+            let back = q.to_world(q.to_field(x));
+            assert!(back.iter().zip(x).all(|(a, b)| (a - b).abs() < 1e-12), "{back:?}");
+            let [a, b, c] = q.rotation;
+            let right_handed = cross(a, b);
+            assert!(right_handed.iter().zip(c).all(|(x, y)| (x - y).abs() < 1e-12), "a rotation");
+        }
+    }
 }

@@ -186,10 +186,18 @@ fn is_whole(coverage: f32) -> bool {
 pub fn placed(camera: &Camera, at: &Placement) -> Camera {
     let (r, t) = (&camera.rotation, &camera.translation);
     let moved = |i: usize| {
-        let turned = (0..3).fold(f64::from(t[i]), |sum, k| sum + f64::from(r[i][k]) * at.center[k]);
-        (at.scale * turned) as f32
+        let center = (0..3).fold(f64::from(t[i]), |sum, k| sum + f64::from(r[i][k]) * at.center[k]);
+        (at.scale * center) as f32
     };
-    Camera { translation: std::array::from_fn(moved), ..camera.clone() }
+    let translation = std::array::from_fn(moved);
+    // R·Qᵀ: a row of R is a direction of the world.
+    let rotation = if at.is_turned() { r.map(|row| turned(row, at)) } else { *r };
+    Camera { rotation, translation, ..camera.clone() }
+}
+
+/// A direction of the world in the axes of the field.
+fn turned(d: [f32; 3], at: &Placement) -> [f32; 3] {
+    at.direction_to_field(d.map(f64::from)).map(|x| x as f32)
 }
 
 /// Whether a camera is in the box and all of its pixels show the object.
@@ -199,7 +207,8 @@ fn is_inside(t: &Target) -> bool {
 }
 
 /// 1 where all of the 3×3 pixels around are covered and the normal faces the camera.
-fn solid(p: &Picture, camera: &Camera) -> Vec<f32> {
+fn solid(p: &Picture) -> Vec<f32> {
+    let camera = &p.camera;
     let (w, h) = (camera.width, camera.height);
     let Some(normals) = &p.passes.normal else { return vec![0.0; w * h] };
     let is_solid = |i: usize| {
@@ -230,7 +239,7 @@ pub fn target(p: &Picture, at: &Placement) -> Target {
     });
     Target {
         name: p.name.clone(),
-        solid: solid(p, &camera),
+        solid: solid(p),
         camera,
         color: p.color.clone(),
         foreground: p.foreground.clone(),
@@ -238,7 +247,10 @@ pub fn target(p: &Picture, at: &Placement) -> Target {
         colored: p.colored.clone(),
         albedo,
         material,
-        normal: p.passes.normal.as_ref().map(|n| n.as_flattened().to_vec()),
+        normal: p.passes.normal.as_ref().map(|all| match at.is_turned() {
+            true => all.iter().flat_map(|n| turned(*n, at)).collect(),
+            false => all.as_flattened().to_vec(),
+        }),
         depth: p.passes.depth.as_ref().map(|z| z.iter().map(|z| z * at.scale as f32).collect()),
     }
 }
