@@ -28,8 +28,10 @@ use super::views::{View, Views};
 use crate::Result;
 use crate::fit::evaluate::compare;
 use crate::fit::field::benchmark::Shape;
+use crate::fit::field::targets::target;
 use crate::fit::field::{Target, mesh, scores, view};
 use crate::num::{order, par, sum};
+use crate::scene::field::Placement;
 use data_gen::cameras;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -174,10 +176,11 @@ fn inputs(
 ) -> Result<Vec<Vec<Input>>> {
     let small = views.small(SIDES[0] / SIDES[1])?;
     let other = other.map(|other| other.small(SIDES[0] / SIDES[1])).transpose()?;
+    let at = axes(ready, p, k, views)?;
     let input = |of: &Views, i: usize, camera: usize| {
         let mut view = of.all[i].clone();
         view.picture.camera = of.all[camera].picture.camera.clone();
-        Input::of(&view, &of.placement, ready.config.is_whole)
+        Input::of(&view, &at, ready.config.is_whole)
     };
     let one = |(set, which): (usize, &[usize])| {
         let of = other.as_ref().filter(|_| set > 0).unwrap_or(&small);
@@ -205,6 +208,14 @@ fn order_of(p: &Protocol, k: u64) -> Vec<usize> {
     }
 }
 
+/// The place of an object in the axes of the model, from the inputs of the first set.
+///
+/// # Errors
+/// When the images do not show which direction is up.
+pub fn axes(ready: &Ready<'_>, p: &Protocol, k: u64, views: &Views) -> Result<Placement> {
+    views.posed(ready.config.pose, &order_of(p, k)[..SET])
+}
+
 /// Scores a model on an object of a test set.
 ///
 /// # Errors
@@ -226,7 +237,7 @@ pub fn views(
     views: &Views,
     other: Option<&Views>,
 ) -> Result<Scores> {
-    let order = order_of(p, k);
+    let (order, at) = (order_of(p, k), axes(ready, p, k, views)?);
     let mut state = ready.no_state();
     let mut scored = Scores { object: k, rounds: Vec::new(), images: Vec::new() };
     for (round, set) in inputs(ready, p, k, views, other)?.iter().enumerate() {
@@ -234,7 +245,7 @@ pub fn views(
             state = ready.no_state();
         }
         state = ready.read(&state, set, None).0;
-        let (mut numbers, image) = state_and_image(ready, p, &state, k, views)?;
+        let (mut numbers, image) = state_and_image(ready, p, (&state, at), k, views)?;
         let so_far: Vec<&View> = order[..SET * (round + 1)].iter().map(|i| &views.all[*i]).collect();
         numbers.extend(baselines(p, k, views, &so_far)?);
         scored.rounds.push(numbers);
@@ -267,11 +278,17 @@ fn baselines(p: &Protocol, k: u64, views: &Views, so_far: &[&View]) -> Result<Nu
     Ok(averaged(all))
 }
 
-/// The scores of a state, without baselines.
+/// The scores of a state and its place, without baselines.
 ///
 /// # Errors
 /// If a render is not finite.
-pub fn state(ready: &Ready<'_>, p: &Protocol, state: &[f32], k: u64, views: &Views) -> Result<Numbers> {
+pub fn state(
+    ready: &Ready<'_>,
+    p: &Protocol,
+    state: (&[f32], Placement),
+    k: u64,
+    views: &Views,
+) -> Result<Numbers> {
     Ok(state_and_image(ready, p, state, k, views)?.0)
 }
 
@@ -279,16 +296,16 @@ pub fn state(ready: &Ready<'_>, p: &Protocol, state: &[f32], k: u64, views: &Vie
 fn state_and_image(
     ready: &Ready<'_>,
     p: &Protocol,
-    state: &[f32],
+    (state, at): (&[f32], Placement),
     k: u64,
     views: &Views,
 ) -> Result<(Numbers, [Vec<f32>; 2])> {
-    let field = ready.decode(state, p.look, views.placement);
+    let field = ready.decode(state, p.look, at);
     let cells = view::occupancy(&field)?;
     let mut all: BTreeMap<&'static str, Vec<f64>> = BTreeMap::new();
     let mut first = None;
     for i in outputs_of(p, k) {
-        let truth = views.target(i);
+        let truth = target(&views.all[i].picture, &at);
         let (numbers, image) = output(&field, &cells, &truth, p)?;
         numbers.into_iter().for_each(|(name, x)| all.entry(name).or_default().push(x));
         first.get_or_insert([image, truth.color]);

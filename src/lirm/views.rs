@@ -13,6 +13,7 @@ use super::r#gen::in_memory;
 use super::settings::Settings;
 use super::subject::Subject;
 use crate::fit::exposure::{Photograph, expose as expose_photographs};
+use crate::fit::field::place::{Pose, posed};
 use crate::fit::field::targets::{self, Photo, Picture, Pictures, Target};
 use crate::fit::passes::as_read;
 use crate::num::elem::f64 as elem;
@@ -142,6 +143,15 @@ impl Views {
             pixels.filter(|(_, m)| **m > 0.0).for_each(|(x, _)| *x = x.map(scaled));
         }
         self
+    }
+
+    /// Turns the axes of the field, for the cameras of some images, the first of which may decide.
+    ///
+    /// # Errors
+    /// When the images do not show which direction is up.
+    pub fn posed(&self, pose: Pose, read: &[usize]) -> Result<Placement> {
+        let cameras: Vec<&Camera> = read.iter().map(|i| &self.all[*i].picture.camera).collect();
+        posed(self.placement, pose, &cameras)
     }
 
     /// Shrinks all images by a whole factor: means over blocks of pixels.

@@ -1,5 +1,6 @@
 //! An object in memory has the pixels of the same object on disk; turning, lighting and shrinking it.
 
+use lastlight::fit::field::place::Pose;
 use lastlight::fit::field::targets::{Pictures, target};
 use lastlight::lirm::r#gen::{self as set, Lighting, Settings};
 use lastlight::lirm::model::transformer::Input;
@@ -107,4 +108,22 @@ fn turned_axes_of_a_field_are_those_of_a_turned_object() {
         };
         assert!(near(&a.normal, &b.normal) && a.solid == b.solid && a.depth == b.depth, "passes");
     }
+}
+
+#[test]
+fn axes_by_the_first_camera_do_not_depend_on_those_of_the_world() {
+    let made = Views::rendered(&settings(), 5, "uniform").expect("an object");
+    let turned = made.clone().turned(2.3);
+    for pose in [Pose::Azimuth, Pose::Upright, Pose::FirstCamera] {
+        let [a, b] = [&made, &turned].map(|v| v.posed(pose, &[1, 0, 2]).expect("they agree"));
+        for (x, y) in made.all.iter().zip(&turned.all) {
+            let (x, y) = (Input::of(x, &a, false), Input::of(y, &b, false));
+            assert!(x.rays.iter().zip(&y.rays).all(|(x, y)| (x - y).abs() < 5e-6), "{}", pose.name());
+        }
+        let eye = a.to_field(made.all[1].picture.camera.center().map(f64::from));
+        let is_above_x = eye[0] > 0.0 && eye[1].abs() < 1e-5;
+        assert_eq!(is_above_x, pose != Pose::FirstCamera, "{}: {eye:?}", pose.name());
+    }
+    let same = made.posed(Pose::World, &[0]).expect("nothing to find");
+    assert_eq!(same, made.placement);
 }

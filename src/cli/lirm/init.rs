@@ -1,6 +1,7 @@
 //! `lirm init`: a model with first values.
 
 use crate::choices::{Choices, choices};
+use crate::fit::field::place::Pose;
 use crate::io::safetensors::Precision;
 use crate::meter::Meter;
 use crate::{Result, claim, console as cli};
@@ -14,6 +15,17 @@ use std::path::PathBuf;
 pub(super) const CONFIGS: &Choices = &[
     ("small", "6 blocks of width 256: 5.8 million parameters"),
     ("paper", "24 blocks of width 1024: 326 million parameters"),
+];
+
+/// Values of `--pose`.
+pub(super) const POSES: &Choices = &[
+    ("world", "those of the capture"),
+    ("azimuth", "z of the capture; the first input camera is above the positive x axis"),
+    (
+        "upright",
+        "z up as it is in the images, for captures with other axes; the first input camera is above the positive x axis",
+    ),
+    ("first-camera", "those of the first input camera, as published"),
 ];
 
 /// Write a LIRM model with first values.
@@ -30,6 +42,9 @@ pub(crate) struct Args {
     /// Sizes of the model
     #[arg(long, value_name = "NAME", default_value = "small", value_parser = choices(CONFIGS))]
     config: String,
+    /// Axes of the field [default: those of the configuration]
+    #[arg(long, value_name = "NAME", value_parser = choices(POSES))]
+    pose: Option<String>,
     /// Whether photos are read, and there are materials and colours that depend on direction
     #[arg(long)]
     whole: bool,
@@ -43,7 +58,9 @@ pub(crate) struct Args {
 
 pub(super) fn run(args: &Args) -> Result<()> {
     let meter = Meter::new();
-    let config = Config { is_whole: args.whole, ..Config::named(&args.config)? };
+    let named = Config::named(&args.config)?;
+    let pose = args.pose.as_deref().and_then(Pose::named).unwrap_or(named.pose);
+    let config = Config { is_whole: args.whole, pose, ..named };
     claim::file(&args.out, args.force)?;
     let model = Model { config, params: first(&config, args.seed), stages: Vec::new() }.halved();
     model.write(&args.out, Precision::Half)?;

@@ -1,6 +1,7 @@
 //! `lirm reconstruct` and `lirm update`: a field from a few images of an object, and a better one from more.
 
-use crate::choices::{Choices, choices};
+use super::init::POSES;
+use crate::choices::choices;
 use crate::field::{page, read};
 use crate::fit::field::place::{Pose, around, placement, posed, unit_ball};
 use crate::fit::field::scores::means;
@@ -33,13 +34,6 @@ use std::path::PathBuf;
 
 /// Pixels per side of the images that a model is trained with.
 const TRAINED: usize = 64;
-
-/// Values of `--pose`.
-const POSES: &Choices = &[
-    ("world", "those of the capture"),
-    ("upright", "z up, as it is in the images; for captures with other axes"),
-    ("first-camera", "those of the first input camera, as published"),
-];
 
 /// Which images of a capture are read, and how the result is rendered.
 #[derive(clap::Args)]
@@ -90,9 +84,9 @@ pub(crate) struct Args {
     /// Folder with transforms.json or a COLMAP model, or the transforms.json itself
     #[arg(value_name = "DIR")]
     capture: PathBuf,
-    /// Axes of the field; the model was trained with z up
-    #[arg(long, value_name = "NAME", default_value = "world", value_parser = choices(POSES))]
-    pose: String,
+    /// Axes of the field, which decide what the model is used to [default: those that the model was trained with]
+    #[arg(long, value_name = "NAME", value_parser = choices(POSES))]
+    pose: Option<String>,
     #[command(flatten)]
     common: Common,
 }
@@ -167,11 +161,7 @@ impl Common {
 }
 
 pub(super) fn run(args: &Args) -> Result<()> {
-    let pose = match args.pose.as_str() {
-        "upright" => Pose::Upright,
-        "first-camera" => Pose::FirstCamera,
-        _ => Pose::World,
-    };
+    let pose = args.pose.as_deref().and_then(Pose::named);
     made(&args.common, &args.capture, Start::Nothing(pose), "lirm reconstruct")
 }
 
@@ -217,14 +207,15 @@ fn announce(config: &Config, sets: &[Vec<Input>], meter: &mut Meter) -> Result<(
 
 /// What the first set is read after.
 enum Start {
-    Nothing(Pose),
+    /// With these axes, or those of the model.
+    Nothing(Option<Pose>),
     State(Box<State>),
 }
 
 fn made(args: &Common, capture: &std::path::Path, start: Start, kind: &'static str) -> Result<()> {
     let (before, pose) = match start {
         Start::Nothing(pose) => (None, pose),
-        Start::State(state) => (Some(*state), Pose::World),
+        Start::State(state) => (Some(*state), None),
     };
     let mut meter = Meter::new();
     let model = Model::read(&args.model)?;
@@ -252,7 +243,11 @@ fn made(args: &Common, capture: &std::path::Path, start: Start, kind: &'static s
                 true => unit_ball(),
                 false => around(&read, pictures.views.scene_box.center)?,
             };
-            posed(placement(&scene), pose, &read.iter().map(|p| &p.camera).collect::<Vec<_>>())?
+            posed(
+                placement(&scene),
+                pose.unwrap_or(model.config.pose),
+                &read.iter().map(|p| &p.camera).collect::<Vec<_>>(),
+            )?
         }
     };
     let dir = claim::folder(&args.out, false, args.filling.force)?;

@@ -1,8 +1,9 @@
 //! `lirm train`: one stage of the training of a LIRM model.
 
-use super::init::CONFIGS;
+use super::init::{CONFIGS, POSES};
 use crate::choices::{Choices, choices};
 use crate::console as cli;
+use crate::fit::field::place::Pose;
 use crate::fit::training::{Fit, Watch};
 use crate::meter::Meter;
 use crate::report::run::{self, Run};
@@ -56,6 +57,9 @@ pub(crate) struct Args {
     /// Sizes of the model, where there is no --from [default: small]
     #[arg(long, value_name = "NAME", value_parser = choices(CONFIGS), conflicts_with = "from")]
     config: Option<String>,
+    /// Axes of the field, where there is no --from [default: those of the configuration]
+    #[arg(long, value_name = "NAME", value_parser = choices(POSES), conflicts_with = "from")]
+    pose: Option<String>,
     /// Steps [default: those of the stage]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     steps: Option<u32>,
@@ -133,7 +137,10 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let before = args.from.as_deref().map(Model::read).transpose()?;
     let config = match &before {
         Some(model) => model.config,
-        None => Config::named(args.config.as_deref().unwrap_or("small"))?,
+        None => {
+            let named = Config::named(args.config.as_deref().unwrap_or("small"))?;
+            Config { pose: args.pose.as_deref().and_then(Pose::named).unwrap_or(named.pose), ..named }
+        }
     };
     meter.lap("reading");
     let rendered = Rendered::new(args.filling.seed);

@@ -10,8 +10,10 @@
 //! | `embed_tokens` | 32 | 4 | tokens along a side of the square of four panoramas; 0: none, colours do not depend on direction |
 //! | `channels` | 32 | 16 | of planes and panoramas |
 //! | `fuse` | published | residual | how the last state enters |
+//! | `pose` | world | azimuth | axes of the field ([`Pose`]) |
 //! | `whole` | | | whether it reads photos, and has materials and colours that depend on direction: stages 2 and 3 |
 
+use crate::fit::field::place::Pose;
 use crate::{Error, Result};
 use serde_json::{Value, json};
 
@@ -65,6 +67,8 @@ pub struct Config {
     pub channels: usize,
     /// How the last state enters.
     pub fuse: Fuse,
+    /// Axes of the field.
+    pub pose: Pose,
     /// Whether it reads photos, and gives materials and colours that depend on direction.
     pub is_whole: bool,
 }
@@ -80,6 +84,7 @@ impl Config {
         embed_tokens: 32,
         channels: 32,
         fuse: Fuse::Published,
+        pose: Pose::World,
         is_whole: false,
     };
     /// A model that two cores can train; 5.8 million parameters.
@@ -92,6 +97,7 @@ impl Config {
         embed_tokens: 4,
         channels: 16,
         fuse: Fuse::Residual,
+        pose: Pose::Azimuth,
         is_whole: false,
     };
 
@@ -195,7 +201,7 @@ impl Config {
         json!({
             "blocks": self.blocks, "width": self.width, "heads": self.heads, "planes": self.planes,
             "plane_tokens": self.plane_tokens, "embed_tokens": self.embed_tokens, "channels": self.channels,
-            "fuse": self.fuse.name(), "whole": self.is_whole,
+            "fuse": self.fuse.name(), "pose": self.pose.name(), "whole": self.is_whole,
         })
     }
 
@@ -226,6 +232,11 @@ impl Config {
             embed_tokens: count("embed_tokens")?,
             channels: count("channels")?,
             fuse,
+            pose: from
+                .get("pose")
+                .and_then(Value::as_str)
+                .and_then(Pose::named)
+                .ok_or_else(|| missing("pose", &Pose::ALL.map(Pose::name).join(", ")))?,
             is_whole: from
                 .get("whole")
                 .and_then(Value::as_bool)

@@ -15,7 +15,7 @@ use crate::loss::{self, mse};
 use crate::num::elem::f64 as elem;
 use crate::num::order;
 use crate::num::rng::Rng;
-use crate::scene::field::Field;
+use crate::scene::field::{Field, Placement};
 use crate::scene::mesh::Mesh;
 
 /// Points of an object.
@@ -60,12 +60,12 @@ impl Distances {
         Ok(Self { points, truth })
     }
 
-    /// Turns the object about the vertical, as [`crate::lirm::views::Views::turned`] does.
-    pub(super) fn turned(&self, radians: f64) -> Self {
+    /// Turns the object about the vertical, as [`crate::lirm::views::Views::turned`] does; then to the field.
+    pub(super) fn turned(&self, radians: f64, at: &Placement) -> Self {
         let (sin, cos) = (elem::sin(radians), elem::cos(radians));
         let turn = |p: &[f32; 3]| {
             let [x, y, z] = p.map(f64::from);
-            [cos * x - sin * y, sin * x + cos * y, z].map(|v| v as f32)
+            at.to_field([cos * x - sin * y, sin * x + cos * y, z]).map(|v| v as f32)
         };
         Self { points: self.points.iter().map(turn).collect(), truth: self.truth.clone() }
     }
@@ -113,7 +113,7 @@ mod tests {
         assert!(found.truth.len() == COUNT && near >= COUNT / 2, "{near}");
         assert!(found.truth.iter().any(|d| *d < -0.01), "points inside");
         assert_eq!(found, Distances::of(&subject.object.mesh, 0, 0).expect("again"), "the same points");
-        let turned = found.turned(0.5);
+        let turned = found.turned(0.5, &Placement::default());
         let radius = |p: &[f32; 3]| (p[0] * p[0] + p[1] * p[1]).sqrt();
         let moved = found.points.iter().zip(&turned.points);
         assert!(moved.clone().all(|(a, b)| (radius(a) - radius(b)).abs() < 1e-6 && a[2] == b[2]));

@@ -16,6 +16,7 @@ use crate::fit::field::surface::Stencils;
 use crate::fit::field::view::RayList;
 use crate::lirm::model::config::Config;
 use crate::lirm::model::transformer::Input;
+use crate::lirm::views::Views;
 use crate::loss::{self, mse};
 use crate::num::rng::Rng;
 use crate::scene::field::{Field, Placement};
@@ -90,8 +91,13 @@ impl Object {
     ) -> Result<Self> {
         let choice = draws.choice(step, j);
         let (all, distances) = pool.get(choice.object);
-        let distances = distances.turned(choice.turn);
-        let chosen = |which: &[usize]| all.chosen(which).turned(choice.turn).lit(choice.brightness);
+        let at = all.chosen(&choice.sets[0]).turned(choice.turn);
+        let at = at.posed(config.pose, &(0..at.all.len()).collect::<Vec<_>>())?;
+        let distances = distances.turned(choice.turn, &at);
+        let chosen = |which: &[usize]| {
+            let own = all.chosen(which).turned(choice.turn).lit(choice.brightness);
+            Views { placement: at, ..own }
+        };
         let set = |which: &Vec<usize>| {
             let small = chosen(which).small(SIDE / INPUT)?;
             Ok(small.all.iter().map(|view| Input::of(view, &small.placement, config.is_whole)).collect())
@@ -113,7 +119,7 @@ impl Object {
                 points.extend(surface(target, crop, &own.collect::<Vec<_>>()));
             }
         }
-        Ok(Self { sets, targets, crops, rays, surface: points, distances, placement: all.placement })
+        Ok(Self { sets, targets, crops, rays, surface: points, distances, placement: at })
     }
 
     /// Renders the crops of a field and compares them.

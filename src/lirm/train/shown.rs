@@ -4,6 +4,7 @@ use super::source::Source;
 use super::stage::{SIDE, VIEWS};
 use crate::Result;
 use crate::fit::evaluate::compare;
+use crate::fit::field::targets::target;
 use crate::fit::field::{Target, view};
 use crate::fit::training::Preview;
 use crate::lirm::model::config::Config;
@@ -39,12 +40,14 @@ impl Shown {
         };
         let mut around: Vec<usize> = (0..VIEWS).collect();
         around.sort_by(|a, b| angle(*a).total_cmp(&angle(*b)).then(a.cmp(b)));
-        let read = (0..READ).map(|i| &small.all[around[i * VIEWS / READ]]);
+        let which: Vec<usize> = (0..READ).map(|i| around[i * VIEWS / READ]).collect();
+        let placement = small.posed(config.pose, &which)?;
+        let read = which.iter().map(|i| &small.all[*i]);
         Ok(Self {
             name: format!("object {k}"),
-            inputs: read.map(|view| Input::of(view, &small.placement, config.is_whole)).collect(),
-            target: small.target(around[VIEWS / (2 * READ)]),
-            placement: small.placement,
+            inputs: read.map(|view| Input::of(view, &placement, config.is_whole)).collect(),
+            target: target(&small.all[around[VIEWS / (2 * READ)]].picture, &placement),
+            placement,
         })
     }
 

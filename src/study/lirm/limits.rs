@@ -7,8 +7,8 @@
 use super::setup::{Setup, shown};
 use crate::Result;
 use crate::experiment::{Cell, Chart, Experiment, Outcome, Report, Summary, Values, of};
-use crate::fit::field::Target;
-use crate::fit::field::view;
+use crate::fit::field::targets::target;
+use crate::fit::field::{Target, view};
 use crate::fit::training::Watch;
 use crate::num::order;
 use data_gen::{cameras, objects};
@@ -105,18 +105,19 @@ impl Experiment for Limits<'_> {
         let p = self.setup.protocol(model, version);
         let protocol = cameras::test(p.set.seed, k, p.set.size);
         let ready = Ready::new(model.config, &model.params);
+        let at = views.posed(model.config.pose, &protocol.inputs[..SET])?;
         let mut state = ready.no_state();
         for set in protocol.inputs.chunks(SET) {
             let small: Views = views.chosen(set).small(p.set.size / INPUT)?;
             let inputs: Vec<Input> =
-                small.all.iter().map(|v| Input::of(v, &small.placement, model.config.is_whole)).collect();
+                small.all.iter().map(|v| Input::of(v, &at, model.config.is_whole)).collect();
             state = ready.read(&state, &inputs, None).0;
         }
-        let field = ready.decode(&state, p.look, views.placement);
+        let field = ready.decode(&state, p.look, at);
         let cells = view::occupancy(&field)?;
         let [mut mirrors, mut others, mut details] = [(); 3].map(|()| Vec::new());
         for i in protocol.outputs.into_iter().take(self.setup.size.outputs) {
-            let truth = views.target(i);
+            let truth = target(&views.all[i].picture, &at);
             let image = view::render(&field, Some(&cells), &truth.camera, false).color().unwrap_or_default();
             let covered = (0..truth.foreground.len()).filter(|i| truth.foreground[*i] == 1.0);
             let is_mirror = |i: &usize| {

@@ -3,6 +3,7 @@
 use super::setup::{SEED, Setup, shown};
 use crate::Result;
 use crate::experiment::{Cell, Chart, Experiment, Outcome, Report, Summary, Values, of, rows};
+use crate::fit::field::targets::placed;
 use crate::fit::field::view;
 use crate::fit::training::Watch;
 use crate::scene::camera::Camera;
@@ -64,21 +65,21 @@ impl Experiment for Occupied<'_> {
         let views = self.setup.object(k, "uniform")?;
         let set = settings(SEED, self.setup.size.samples);
         let protocol = cameras::test(SEED, k, set.size);
+        let at = views.posed(model.config.pose, &protocol.inputs[..SET])?;
         let small = views.chosen(&protocol.inputs[..SET]).small(set.size / INPUT)?;
-        let inputs: Vec<Input> =
-            small.all.iter().map(|v| Input::of(v, &small.placement, model.config.is_whole)).collect();
+        let inputs: Vec<Input> = small.all.iter().map(|v| Input::of(v, &at, model.config.is_whole)).collect();
         let ready = Ready::new(model.config, &model.params);
         let (state, _) = ready.read(&ready.no_state(), &inputs, None);
         let steps = Ord::min(STEPS, 8 * self.setup.size.steps);
         let usual = Look::of_field(steps, self.setup.protocol(model, "uniform").look.inverse_beta);
         let look = if with_grid { usual } else { Look { early_stop: None, ..usual } };
-        let field = ready.decode(&state, look, views.placement);
+        let field = ready.decode(&state, look, at);
         watch.lap(crate::experiment::AROUND);
         let cells = if with_grid { Some(view::occupancy(&field)?) } else { None };
         watch.lap("filling");
         let mut samples = 0;
         for i in protocol.outputs.iter().take(IMAGES) {
-            let own = views.target(*i).camera;
+            let own = placed(&views.all[*i].picture.camera, &at);
             let factor = SIDE as f32 / own.width as f32;
             let camera = Camera {
                 width: SIDE,

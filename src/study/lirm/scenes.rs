@@ -4,6 +4,7 @@
 use super::setup::{SEED, Setup, shown, values};
 use crate::Result;
 use crate::experiment::{Cell, Chart, Experiment, Outcome, Report, Summary, Values, of, paired, rows};
+use crate::fit::field::targets::target;
 use crate::fit::field::view;
 use crate::fit::training::Watch;
 use crate::num::order;
@@ -73,10 +74,11 @@ impl Experiment for Added<'_> {
         let p = self.setup.protocol(model, "uniform");
         let protocol = cameras::test(SEED, k, set.size);
         let ready = Ready::new(model.config, &model.params);
+        let at = before.posed(model.config.pose, &protocol.inputs[..SET])?;
         let read = |state: &[f32], of: &Views, which: &[usize]| -> Result<Vec<f32>> {
             let small = of.chosen(which).small(set.size / INPUT)?;
             let inputs: Vec<Input> =
-                small.all.iter().map(|v| Input::of(v, &small.placement, model.config.is_whole)).collect();
+                small.all.iter().map(|v| Input::of(v, &at, model.config.is_whole)).collect();
             Ok(ready.read(state, &inputs, None).0)
         };
         let states = {
@@ -86,10 +88,10 @@ impl Experiment for Added<'_> {
         };
         let [mut new, mut old] = [[(); 2].map(|()| Vec::new()), [(); 2].map(|()| Vec::new())];
         for (n, state) in states.iter().enumerate() {
-            let field = ready.decode(state, p.look, after.placement);
+            let field = ready.decode(state, p.look, at);
             let cells = view::occupancy(&field)?;
             for i in protocol.outputs.into_iter().take(self.setup.size.outputs) {
-                let (a, b) = (before.target(i), after.target(i));
+                let (a, b) = (target(&before.all[i].picture, &at), target(&after.all[i].picture, &at));
                 let image = view::render(&field, Some(&cells), &b.camera, false).color().unwrap_or_default();
                 let pixels = || 0..b.foreground.len();
                 let is_same =
@@ -175,13 +177,13 @@ impl Experiment for Head<'_> {
         watch.lap("images");
         let p = self.setup.protocol(model, "uniform");
         let ready = Ready::new(model.config, &model.params);
+        let at = seen.posed(model.config.pose, &[0])?;
         let mut state = ready.no_state();
         let mut rounds = Vec::new();
         for set in seen.all.chunks(SET) {
-            let inputs: Vec<Input> =
-                set.iter().map(|v| Input::of(v, &seen.placement, model.config.is_whole)).collect();
+            let inputs: Vec<Input> = set.iter().map(|v| Input::of(v, &at, model.config.is_whole)).collect();
             state = ready.read(&state, &inputs, None).0;
-            rounds.push(evaluate::state(&ready, &p, &state, k, &truth)?);
+            rounds.push(evaluate::state(&ready, &p, (&state, at), k, &truth)?);
         }
         watch.lap("scores");
         Ok(values(&rounds))

@@ -143,16 +143,17 @@ impl Experiment for Variants<'_> {
         for k in 0..self.setup.size.objects {
             let views = self.setup.object(k, VERSION)?;
             let inputs = cameras::test(SEED, k, SIDES[1]).inputs;
+            let at = views.posed(kind.config.pose, &inputs[..SET])?;
             let read = |which: &[usize]| -> Result<Vec<Input>> {
                 let small = views.chosen(which).small(SIDES[1] / SIDES[0])?;
-                Ok(small.all.iter().map(|v| Input::of(v, &small.placement, true)).collect())
+                Ok(small.all.iter().map(|v| Input::of(v, &at, true)).collect())
             };
             let mut state = ready.no_state();
             for set in 0..SETS {
                 let own = if kind.updates { SET * set } else { 0 };
                 let from = if kind.updates { state } else { ready.no_state() };
                 state = ready.read(&from, &read(&inputs[own..SET * (set + 1)])?, None).0;
-                let numbers = evaluate::state(&ready, &p, &state, k, &views)?;
+                let numbers = evaluate::state(&ready, &p, (&state, at), k, &views)?;
                 values.insert(format!("psnr_db_{}_{k:03}", set + 1), numbers["psnr_db"]);
             }
         }

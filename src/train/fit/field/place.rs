@@ -103,14 +103,38 @@ pub fn unit_ball() -> SceneBox {
 }
 
 /// How the axes of a field lie in the world.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Pose {
     /// Those of the world.
+    #[default]
     World,
-    /// z up, as it is in the images: the direction that is most nearly upright in all of them.
+    /// z is that of the world, and the first camera is above the positive x axis.
+    Azimuth,
+    /// z is up, as it is in the images (the direction that is most nearly upright in all of them), and the first camera is above the positive
+    /// x axis.
     Upright,
     /// Those of the first camera: to the right, down, forwards.
     FirstCamera,
+}
+
+impl Pose {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::World, Self::Azimuth, Self::Upright, Self::FirstCamera];
+
+    /// Returns the name in settings.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::World => "world",
+            Self::Azimuth => "azimuth",
+            Self::Upright => "upright",
+            Self::FirstCamera => "first-camera",
+        }
+    }
+
+    /// Returns the pose of that name.
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|pose| pose.name() == name)
+    }
 }
 
 /// Returns the placement with its axes turned. LIRM turns the world by the inverse rotation of the first camera; a model that was trained with
@@ -119,22 +143,35 @@ pub enum Pose {
 /// # Errors
 /// When the images do not show which direction is up.
 pub fn posed(at: Placement, pose: Pose, cameras: &[&Camera]) -> Result<Placement> {
-    let rotation = match (pose, cameras.first()) {
-        (Pose::World, _) | (_, None) => return Ok(at),
-        (Pose::FirstCamera, Some(first)) => orthonormal(first.rotation.map(|row| row.map(f64::from))),
-        (Pose::Upright, Some(_)) => {
-            let row = |c: &Camera, k: usize| c.rotation[k].map(f64::from);
+    let Some(first) = cameras.first().filter(|_| pose != Pose::World) else { return Ok(at) };
+    let row = |c: &Camera, k: usize| c.rotation[k].map(f64::from);
+    let up = match pose {
+        Pose::FirstCamera => {
+            let rotation = orthonormal([row(first, 0), row(first, 1), row(first, 2)]);
+            return Ok(Placement { rotation, ..at });
+        }
+        Pose::Upright => {
             let directions: Vec<_> = cameras.iter().map(|c| (row(c, 0), row(c, 1).map(|x| -x))).collect();
-            let up = up(&directions).ok_or_else(|| {
+            up(&directions).ok_or_else(|| {
                 Error::input("--pose")
                     .expected("images that show which direction is up")
                     .got("cameras that are held in opposite ways")
-            })?;
-            // The horizontal axis nearest to x or y stays near it.
-            let helper = if up[0].abs() < 0.9 { [1.0, 0.0, 0.0] } else { [0.0, 1.0, 0.0] };
-            orthonormal([cross(cross(up, helper), up), cross(up, helper), up])
+            })?
         }
+        _ => [0.0, 0.0, 1.0],
     };
+    let eye = first.center().map(f64::from);
+    let from: [f64; 3] = std::array::from_fn(|k| eye[k] - at.center[k]);
+    let y = cross(up, from);
+    // A camera straight above is above every axis.
+    let is_above =
+        (0..3).fold(0.0, |s, k| s + y[k] * y[k]) <= 1e-12 * (0..3).fold(0.0, |s, k| s + from[k] * from[k]);
+    let y = if is_above {
+        cross(up, if up[0].abs() < 0.9 { [1.0, 0.0, 0.0] } else { [0.0, 1.0, 0.0] })
+    } else {
+        y
+    };
+    let rotation = orthonormal([cross(y, up), y, up]);
     Ok(Placement { rotation, ..at })
 }
 
@@ -195,7 +232,14 @@ mod tests {
         let first = of(Pose::FirstCamera);
         let forward = first.direction_to_field(cameras[0].rotation[2].map(f64::from));
         assert!((forward[2] - 1.0).abs() < 1e-6, "{forward:?}");
-        for q in [upright, first] {
+        let azimuth = of(Pose::Azimuth);
+        assert_eq!(azimuth.rotation[2], [0.0, 0.0, 1.0]);
+        for (q, up) in [(upright, up), (azimuth, [0.0, 0.0, 1.0])] {
+            let eye = q.to_field(cameras[0].center().map(f64::from));
+            assert!(eye[0] > 0.5 && eye[1].abs() < 1e-5, "above the x axis: {eye:?}");
+            assert!(q.direction_to_field(up)[2] > 0.999);
+        }
+        for q in [upright, azimuth, first] {
             let x = [0.3, -1.0, 2.0];
             let back = q.to_world(q.to_field(x));
             assert!(back.iter().zip(x).all(|(a, b)| (a - b).abs() < 1e-12), "{back:?}");
