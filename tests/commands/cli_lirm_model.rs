@@ -154,3 +154,48 @@ fn a_study_runs_and_its_report_can_be_made_again() {
     assert_eq!(listed["experiments"].as_array().map(Vec::len), Some(9));
     refused(&line("lirm study --out s"), dir, 2, &["--model"]);
 }
+
+#[test]
+fn first_values_are_a_model_and_any_number_of_images_of_any_size_is_read() {
+    let work = tempfile::tempdir().expect("a folder");
+    let dir = work.path();
+    let made = json(&line("lirm init --whole --out first.safetensors --json"), dir);
+    assert!(made["parameters"].as_u64().is_some_and(|n| (5_700_000..5_900_000).contains(&n)), "{made}");
+    let again = json(&line("lirm init --whole --out again.safetensors --json"), dir);
+    assert_eq!(again["digest"], made["digest"]);
+    refused(&line("lirm init --out first.safetensors"), dir, 2, &["first.safetensors", "--force"]);
+    let size = std::fs::metadata(dir.join("first.safetensors")).expect("a file").len();
+    assert!(size <= 12 << 20, "{size} bytes");
+
+    // Forty images of one size, and one of another.
+    let set = "lirm gen --views 40 --size 64 --samples 1 --texture 32 --out many -q";
+    assert!(lastlight(&line(set), dir).status.success(), "a set");
+    let reconstruct = |capture: &str, more: &str, out: &str| {
+        let text =
+            format!("lirm reconstruct {capture} --model first.safetensors {more} --out {out} --json -q");
+        json(&line(&text), dir)
+    };
+    let capture = "many/object_00000/uniform";
+    let of = |record: &Value| record["sets"].clone();
+    assert_eq!(of(&reconstruct(capture, "", "all")), serde_json::json!([40]), "in one set");
+    assert_eq!(of(&reconstruct(capture, "--inputs 0007", "one")), serde_json::json!([1]), "one image");
+    for pose in ["world", "upright", "first-camera"] {
+        let made = reconstruct(capture, &format!("--inputs 0001,0002 --pose {pose}"), pose);
+        // A ball at the centre looks the same in all axes.
+        let db = made["evaluation"]["mean"]["psnr_db"].as_f64();
+        assert_eq!(
+            db.is_some(),
+            made["evaluation"]["views"].as_array().is_some_and(|v| !v.is_empty()),
+            "{made}"
+        );
+    }
+    let folder = dir.join("photos");
+    std::fs::create_dir(&folder).expect("a folder");
+    std::fs::copy(dir.join(capture).join("images/0000.png"), folder.join("0000.png")).expect("an image");
+    refused(
+        &line("lirm reconstruct photos --model first.safetensors --out d"),
+        dir,
+        2,
+        &["photos", "camera poses"],
+    );
+}

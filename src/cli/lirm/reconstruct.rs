@@ -3,7 +3,7 @@
 use super::init::POSES;
 use crate::choices::choices;
 use crate::field::{page, read};
-use crate::fit::field::place::{Pose, around, placement, posed, unit_ball};
+use crate::fit::field::place::{Pose, around, placement, posed, unit_ball, upright};
 use crate::fit::field::scores::means;
 use crate::fit::field::targets::{Picture, Pictures};
 use crate::fit::field::{score, view};
@@ -14,6 +14,7 @@ use crate::meter::Meter;
 use crate::num::gemm::{Finish, View, gemm};
 use crate::report::run::Run;
 use crate::report::{self};
+use crate::scene::camera::Camera;
 use crate::scene::field::{FILE as FIELD, Placement};
 use crate::shared::{ForceArgs, Outcome};
 use crate::training::RESULT;
@@ -203,6 +204,23 @@ fn announce(config: &Config, sets: &[Vec<Input>], meter: &mut Meter) -> Result<(
     }
     meter.note(&line);
     Ok(())
+}
+
+/// Cosine of the largest angle between up in the images and z for which a capture is z up.
+const LEVEL: f64 = 0.94;
+
+/// The axes that the model was trained with, in a capture whose z may not be up.
+fn own_pose(of_model: Pose, cameras: &[&Camera], meter: &Meter) -> Pose {
+    match upright(cameras) {
+        Some(up) if of_model == Pose::Azimuth && up[2] < LEVEL => {
+            meter.note(&format!(
+                "up in the images is ({:.2}, {:.2}, {:.2}), not z: the object is read with --pose upright",
+                up[0], up[1], up[2]
+            ));
+            Pose::Upright
+        }
+        _ => of_model,
+    }
 }
 
 /// What the first set is read after.

@@ -150,14 +150,11 @@ pub fn posed(at: Placement, pose: Pose, cameras: &[&Camera]) -> Result<Placement
             let rotation = orthonormal([row(first, 0), row(first, 1), row(first, 2)]);
             return Ok(Placement { rotation, ..at });
         }
-        Pose::Upright => {
-            let directions: Vec<_> = cameras.iter().map(|c| (row(c, 0), row(c, 1).map(|x| -x))).collect();
-            up(&directions).ok_or_else(|| {
-                Error::input("--pose")
-                    .expected("images that show which direction is up")
-                    .got("cameras that are held in opposite ways")
-            })?
-        }
+        Pose::Upright => upright(cameras).ok_or_else(|| {
+            Error::input("--pose")
+                .expected("images that show which direction is up")
+                .got("cameras that are held in opposite ways")
+        })?,
         _ => [0.0, 0.0, 1.0],
     };
     let eye = first.center().map(f64::from);
@@ -173,6 +170,13 @@ pub fn posed(at: Placement, pose: Pose, cameras: &[&Camera]) -> Result<Placement
     };
     let rotation = orthonormal([cross(y, up), y, up]);
     Ok(Placement { rotation, ..at })
+}
+
+/// The direction of the world that is most nearly upright in all images, if they agree on one.
+pub fn upright(cameras: &[&Camera]) -> Option<[f64; 3]> {
+    let row = |c: &Camera, k: usize| c.rotation[k].map(f64::from);
+    let directions: Vec<_> = cameras.iter().map(|c| (row(c, 0), row(c, 1).map(|x| -x))).collect();
+    up(&directions)
 }
 
 fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
@@ -226,6 +230,8 @@ mod tests {
         let at = Placement::new([0.1, 0.2, 0.3], 2.0);
         let of = |pose| posed(at, pose, &cameras.iter().collect::<Vec<_>>()).expect("they agree");
         assert_eq!(of(Pose::World), at);
+        let found = super::upright(&cameras.iter().collect::<Vec<_>>()).expect("they agree");
+        assert!(found[1] < -0.999, "{found:?}");
         let upright = of(Pose::Upright);
         let z = upright.direction_to_field(up);
         assert!(z[2] > 0.999, "{z:?}");
