@@ -261,11 +261,9 @@ fn made(args: &Common, capture: &std::path::Path, start: Start, kind: &'static s
                 true => unit_ball(),
                 false => around(&read, pictures.views.scene_box.center)?,
             };
-            posed(
-                placement(&scene),
-                pose.unwrap_or(model.config.pose),
-                &read.iter().map(|p| &p.camera).collect::<Vec<_>>(),
-            )?
+            let cameras: Vec<&Camera> = read.iter().map(|p| &p.camera).collect();
+            let pose = pose.unwrap_or_else(|| own_pose(model.config.pose, &cameras, &meter));
+            posed(placement(&scene), pose, &cameras)?
         }
     };
     let dir = claim::folder(&args.out, false, args.filling.force)?;

@@ -15,7 +15,7 @@
 
 use super::{Combine, FILE, Field, Heads, Network, Panoramas, Placement, Planes, Rule, Settings, Stencil};
 use crate::io::safetensors;
-use crate::num::array::{Array, Arrays};
+use crate::num::array::{Array, Arrays, entries};
 use crate::{Error, Result};
 use serde_json::{Map, Value};
 use std::collections::BTreeMap;
@@ -135,7 +135,7 @@ fn placement(arrays: &Arrays) -> Result<Placement> {
             other => {
                 let e = Error::input(format!("array '{name}'"));
                 let got = format!("{} of shape {:?}", other.dtype(), other.shape());
-                let n = shape.iter().fold(1, |n, side| n * side);
+                let n = entries(shape);
                 Err(e.expected(format!("{n} numbers of type float64")).got(got))
             }
         }

@@ -4,13 +4,12 @@
 //! sum of squared differences between neighbouring pixels inside the foreground, of the render divided by that of the truth: 1 for an image as sharp as the
 //! truth, 0 for a plain one; it is measured on packages and tins, which are printed.
 
-use super::setup::{Setup, shown};
+use super::setup::{Setup, decibels, shown, square_error};
 use crate::Result;
 use crate::experiment::{Cell, Chart, Experiment, Outcome, Report, Summary, Values, of};
 use crate::fit::field::targets::target;
 use crate::fit::field::{Target, view};
 use crate::fit::training::Watch;
-use crate::num::order;
 use data_gen::{cameras, objects};
 use lastlight_lirm::evaluate::SET;
 use lastlight_lirm::model::transformer::Input;
@@ -45,18 +44,6 @@ pub fn limits(setup: &Setup) -> Limits<'_> {
 fn printed(count: u64) -> Vec<u64> {
     let is_printed = |k: &u64| PRINTED.contains(&objects::build(super::setup::SEED, *k, 32).generator);
     (0..).filter(is_printed).take(count as usize).collect()
-}
-
-/// The squared error of some pixels, as a mean; `None` for too few.
-fn error(image: &[f32], truth: &Target, pixels: &[usize]) -> Option<f64> {
-    let square = |i: &usize| {
-        (0..3).fold(0.0, |sum, c| {
-            let d = f64::from(image[3 * i + c]) - f64::from(truth.color[3 * i + c]);
-            sum + d * d
-        })
-    };
-    let sum = pixels.iter().map(square).fold(0.0, |sum, x| sum + x);
-    (pixels.len() >= FEWEST).then(|| sum / (3 * pixels.len()) as f64)
 }
 
 /// Squared differences between neighbours of one row that are both covered.
@@ -125,20 +112,22 @@ impl Experiment for Limits<'_> {
                 truth.material.as_ref().is_some_and(of)
             };
             let (mirror, other): (Vec<usize>, Vec<usize>) = covered.partition(is_mirror);
-            mirrors.extend(error(&image, &truth, &mirror));
-            others.extend(error(&image, &truth, &other));
+            let error = |pixels: &[usize]| {
+                square_error(&image, &truth.color, pixels).filter(|_| pixels.len() >= FEWEST)
+            };
+            mirrors.extend(error(&mirror));
+            others.extend(error(&other));
             let whole = detail(&truth.color, &truth);
             details.extend((whole > 0.0).then(|| detail(&image, &truth) / whole));
         }
         watch.lap("scores");
-        let decibels = |x: &[f64]| -10.0 * order::max(Summary::of(x).mean, 1e-12).log10();
         let mut out = Values::new();
         if version == "shiny" {
             let both = [("mirror_db", &mirrors), ("other_db", &others)];
             out.extend(
                 both.into_iter()
                     .filter(|(_, x)| !x.is_empty())
-                    .map(|(name, x)| (name.to_owned(), decibels(x))),
+                    .map(|(name, x)| (name.to_owned(), decibels(Summary::of(x).mean))),
             );
         }
         out.insert("detail".into(), Summary::of(&details).mean);

@@ -1,13 +1,12 @@
 //! Scenes beyond one object on a turntable: an object that is added between two sets (Fig. 16), and images of a head-mounted camera through a
 //! fisheye and a pinhole (Fig. 17).
 
-use super::setup::{SEED, Setup, shown, values};
+use super::setup::{SEED, Setup, decibels, shown, square_error, values};
 use crate::Result;
 use crate::experiment::{Cell, Chart, Experiment, Outcome, Report, Summary, Values, of, paired, rows};
 use crate::fit::field::targets::target;
 use crate::fit::field::view;
 use crate::fit::training::Watch;
-use crate::num::order;
 use crate::scene::camera::Model;
 use data_gen::cameras;
 use lastlight_lirm::evaluate::{self, SET, settings};
@@ -34,18 +33,6 @@ pub struct Added<'a> {
 /// Makes the experiment.
 pub fn added(setup: &Setup) -> Added<'_> {
     Added { setup }
-}
-
-/// PSNR over some pixels, in dB; `None` without any.
-fn decibels(image: &[f32], truth: &[f32], pixels: &[usize]) -> Option<f64> {
-    let square = |i: &usize| {
-        (0..3).fold(0.0, |sum, c| {
-            let d = f64::from(image[3 * i + c]) - f64::from(truth[3 * i + c]);
-            sum + d * d
-        })
-    };
-    let mean = pixels.iter().map(square).fold(0.0, |sum, x| sum + x) / (3 * pixels.len()) as f64;
-    (!pixels.is_empty()).then(|| -10.0 * order::max(mean, 1e-12).log10())
 }
 
 impl Experiment for Added<'_> {
@@ -99,8 +86,8 @@ impl Experiment for Added<'_> {
                 let added: Vec<usize> =
                     pixels().filter(|i| a.foreground[*i] == 0.0 && b.foreground[*i] == 1.0).collect();
                 let kept: Vec<usize> = pixels().filter(|i| a.foreground[*i] == 1.0 && is_same(*i)).collect();
-                new[n].extend(decibels(&image, &b.color, &added));
-                old[n].extend(decibels(&image, &b.color, &kept));
+                new[n].extend(square_error(&image, &b.color, &added).map(decibels));
+                old[n].extend(square_error(&image, &b.color, &kept).map(decibels));
             }
         }
         watch.lap("scores");

@@ -1,6 +1,8 @@
 //! What the experiments share.
 
 use crate::experiment::{Summary, Values};
+use crate::num::elem::f64 as elem;
+use crate::num::order;
 use crate::{Error, Result};
 use lastlight_lirm::evaluate::{Control, Numbers, Order, Protocol, means_of_materials, settings};
 use lastlight_lirm::model::decode::Look;
@@ -189,4 +191,21 @@ pub fn shown(s: &Summary, digits: usize) -> String {
         1 => format!("{:.digits$}", s.mean),
         _ => format!("{:.digits$} ± {:.digits$}", s.mean, s.half_width),
     }
+}
+
+/// The mean squared difference of the colours of some pixels; `None` without any.
+pub(super) fn square_error(image: &[f32], truth: &[f32], pixels: &[usize]) -> Option<f64> {
+    let square = |i: &usize| {
+        (0..3).fold(0.0, |sum, c| {
+            let d = f64::from(image[3 * i + c]) - f64::from(truth[3 * i + c]);
+            sum + d * d
+        })
+    };
+    let sum = pixels.iter().map(square).fold(0.0, |sum, x| sum + x);
+    (!pixels.is_empty()).then(|| sum / (3 * pixels.len()) as f64)
+}
+
+/// A mean squared difference of colours in 0..1, in dB.
+pub(super) fn decibels(mean: f64) -> f64 {
+    -10.0 * elem::log10(order::max(mean, 1e-12))
 }

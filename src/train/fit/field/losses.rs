@@ -246,6 +246,7 @@ impl Terms<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::num::elem::f64 as elem;
     use crate::num::rng::Rng;
 
     const SIZE: [usize; 2] = [12, 12];
@@ -299,7 +300,8 @@ mod tests {
         let [_, _, truth] = images();
         let opaque = vec![1.0; SIZE[0] * SIZE[1]];
         // Half of the linear albedo.
-        let half: Vec<f32> = truth.iter().map(|t| (0.5 * t.powf(2.2)).powf(1.0 / 2.2)).collect();
+        let halved = |t: &f32| elem::pow(0.5 * elem::pow(f64::from(*t), 2.2), 1.0 / 2.2) as f32;
+        let half: Vec<f32> = truth.iter().map(halved).collect();
         let pair = In { x: &half, y: &truth, mask: None, height: SIZE[0], width: SIZE[1] };
         let scale = albedo::scale(&half, &truth, &opaque);
         let (scaled, ..) = TERMS.scaled(&pair, &opaque, scale).expect("finite");
