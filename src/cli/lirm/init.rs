@@ -17,7 +17,7 @@ pub(super) const CONFIGS: &Choices = &[
     ("paper", "24 blocks of width 1024: 326 million parameters"),
 ];
 
-/// Values of `--pose`.
+/// Values of `--field-axes`.
 pub(super) const POSES: &Choices = &[
     ("world", "those of the capture"),
     ("azimuth", "z of the capture; the first input camera is above the positive x axis"),
@@ -44,7 +44,7 @@ pub(crate) struct Args {
     config: String,
     /// Axes of the field [default: those of the configuration]
     #[arg(long, value_name = "NAME", value_parser = choices(POSES))]
-    pose: Option<String>,
+    field_axes: Option<String>,
     /// Whether photos are read, and there are materials and colours that depend on direction
     #[arg(long)]
     whole: bool,
@@ -59,7 +59,7 @@ pub(crate) struct Args {
 pub(super) fn run(args: &Args) -> Result<()> {
     let meter = Meter::new();
     let named = Config::named(&args.config)?;
-    let pose = args.pose.as_deref().and_then(Pose::named).unwrap_or(named.pose);
+    let pose = args.field_axes.as_deref().and_then(Pose::named).unwrap_or(named.pose);
     let config = Config { is_whole: args.whole, pose, ..named };
     claim::file(&args.out, args.force)?;
     let model = Model { config, params: first(&config, args.seed), stages: Vec::new() }.halved();

@@ -87,7 +87,7 @@ pub(crate) struct Args {
     capture: PathBuf,
     /// Axes of the field, which decide what the model is used to [default: those that the model was trained with]
     #[arg(long, value_name = "NAME", value_parser = choices(POSES))]
-    pose: Option<String>,
+    field_axes: Option<String>,
     #[command(flatten)]
     common: Common,
 }
@@ -162,7 +162,7 @@ impl Common {
 }
 
 pub(super) fn run(args: &Args) -> Result<()> {
-    let pose = args.pose.as_deref().and_then(Pose::named);
+    let pose = args.field_axes.as_deref().and_then(Pose::named);
     made(&args.common, &args.capture, Start::Nothing(pose), "lirm reconstruct")
 }
 
@@ -171,9 +171,9 @@ pub(super) fn update(args: &UpdateArgs) -> Result<()> {
     made(&args.common, &args.capture, Start::State(Box::new(before)), "lirm update")
 }
 
-/// Products of this many rows, columns and inner numbers tell how fast the machine is.
+/// Rows, columns and inner numbers of the products by which the speed of the machine is measured.
 const SAMPLE: usize = 512;
-/// Floating-point operations from which the time is told before they start.
+/// Floating-point operations from which the time is estimated before they start.
 const LONG: f64 = 1e12;
 
 /// Prints the size of the work before it starts; refuses what does not fit into the memory.
@@ -214,7 +214,7 @@ fn own_pose(of_model: Pose, cameras: &[&Camera], meter: &Meter) -> Pose {
     match upright(cameras) {
         Some(up) if of_model == Pose::Azimuth && up[2] < LEVEL => {
             meter.note(&format!(
-                "up in the images is ({:.2}, {:.2}, {:.2}), not z: the object is read with --pose upright",
+                "up in the images is ({:.2}, {:.2}, {:.2}), not z: the object is read with --field-axes upright",
                 up[0], up[1], up[2]
             ));
             Pose::Upright

@@ -59,7 +59,7 @@ pub(crate) struct Args {
     config: Option<String>,
     /// Axes of the field, where there is no --from [default: those of the configuration]
     #[arg(long, value_name = "NAME", value_parser = choices(POSES), conflicts_with = "from")]
-    pose: Option<String>,
+    field_axes: Option<String>,
     /// Steps [default: those of the stage]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     steps: Option<u32>,
@@ -139,7 +139,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         Some(model) => model.config,
         None => {
             let named = Config::named(args.config.as_deref().unwrap_or("small"))?;
-            Config { pose: args.pose.as_deref().and_then(Pose::named).unwrap_or(named.pose), ..named }
+            Config { pose: args.field_axes.as_deref().and_then(Pose::named).unwrap_or(named.pose), ..named }
         }
     };
     meter.lap("reading");

@@ -142,7 +142,8 @@ impl Object {
         }
         let (values_bar, opacity_bar) = (rendered.values_bar, rendered.opacity_bar);
         let (distance, points_bar) = self.compare_points(&out, [weight, stage.points])?;
-        let (sdf, distances_bar) = self.distances.compare(field, weight * stage.distances)?;
+        let own = weight * stage.distances;
+        let (sdf, distances_bar) = self.distances.compare(field, own)?;
         let mut drawn = Drawn {
             loss: (loss + distance) + sdf,
             plan,

@@ -114,8 +114,8 @@ impl Terms<'_> {
         let (square, saved) = mse::forward(pair)?;
         let weight = WIDE * self.weight;
         mse::adjoint(pair, &saved, weight, &mut bar, None);
-        let value = weight * square + self.structure(pair, &mut bar)?;
-        Ok((value, bar))
+        let structure = self.structure(pair, &mut bar)?;
+        Ok((weight * square + structure, bar))
     }
 
     /// Albedo up to a factor: squares, and structure. Returns the cotangents of values over white and of opacity.

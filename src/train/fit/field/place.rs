@@ -4,7 +4,7 @@
 //! the foreground of every image: the largest distance of a foreground ray from the centre. Centre and radius become the
 //! origin and ½; the box is a twentieth larger. Images of `lirm gen` have this form already and are used as they are.
 //!
-//! The axes are those of the world, unless another pose is asked for ([`posed`]).
+//! The axes are those of the world, unless another pose is requested ([`posed`]).
 //!
 //! A grid of points in the sphere's cube serves as a check: if every point is background in some image that sees it,
 //! cameras and foreground contradict each other.
@@ -151,7 +151,7 @@ pub fn posed(at: Placement, pose: Pose, cameras: &[&Camera]) -> Result<Placement
             return Ok(Placement { rotation, ..at });
         }
         Pose::Upright => upright(cameras).ok_or_else(|| {
-            Error::input("--pose")
+            Error::input("--field-axes")
                 .expected("images that show which direction is up")
                 .got("cameras that are held in opposite ways")
         })?,
@@ -205,7 +205,7 @@ mod tests {
     use super::*;
     use crate::scene::camera::Model;
 
-    /// A camera at `eye` that looks at the origin with `up` upwards.
+    /// A camera at `eye` that is directed at the origin, with `up` upwards.
     fn looking(eye: [f64; 3], up: [f64; 3]) -> Camera {
         let [_, _, z] = orthonormal([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], eye.map(|x| -x)]);
         let rotation = orthonormal([cross(z, up), cross(z, cross(z, up)), z]);
