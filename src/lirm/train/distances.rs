@@ -1,7 +1,7 @@
 //! Points around an object with their signed distances, for the recipe that compares them.
 //!
-//! Half of the points are drawn uniformly in the box of the field, half are at most [`AROUND`] in each coordinate from a point of the surface, drawn
-//! uniformly by area. The loss is the mean of (s − d)² over all points, with d cut off at ±[`FAR`]; a point whose s and d are both
+//! Half of the points are drawn uniformly in the box of the field, half are at most 0.06 in each coordinate from a point of the surface, drawn
+//! uniformly by area. The loss is the mean of (s − d)² over all points, with d cut off at ±0.1; a point whose s and d are both
 //! beyond the same end does not count (as the truncated distances of Park et al. 2019).
 
 use crate::Result;

@@ -1,6 +1,6 @@
 //! The cells in which rays take samples during a fit.
 //!
-//! The grid is filled by the conservative rule every [`EVERY`] iterations once 1/β is large enough for most of the
+//! The grid is filled by the conservative rule every sixteen iterations once 1/β is large enough for most of the
 //! box to be empty; before that, rays take all steps. The bound of the rule holds at the iterations that fill it: until the
 //! next fill the surface moves, and a learned β may grow, so that a step that counts may be missing for some
 //! iterations.
