@@ -1,21 +1,25 @@
 //! The commands' side of the study engine: cells run with progress and a clock, tables as CSV, one page for all experiments.
 
-use crate::Result;
+use crate::choices::Choices;
 use crate::console as cli;
 use crate::experiment::{
     self, AROUND, Cell, Chart, Experiment, Observer, Outcome, Report, Results, RunOptions, Summary,
 };
 use crate::io::atomic;
 use crate::meter::{Laps, Meter};
+use crate::num::par;
 use crate::report::bars::{bars, intervals};
 use crate::report::charts::{Lines, Series};
 use crate::report::{self, Page, Section, Stat};
+use crate::{Result, like, version};
 use maud::{Markup, html};
-use serde_json::{Value, json};
+use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
+/// The record in `--out`.
+const RECORD: &str = "study.json";
 /// Seconds of the cells that ran, in `--out`: nothing else there depends on a clock.
 const SECONDS: &str = "seconds.csv";
 
@@ -96,11 +100,84 @@ impl Study<'_> {
     }
 }
 
+/// Values of `--scale`.
+pub(crate) const SCALES: &Choices = &[
+    ("full", "the study: hours"),
+    ("quick", "small sizes and few seeds or objects: minutes, not evidence"),
+    ("smoke", "smallest sizes: a test that everything runs"),
+];
+
+/// What sizes other than the study's are worth.
+pub(crate) fn warning(scale: &str) -> Option<&'static str> {
+    match scale {
+        "quick" => Some("quick run (small sizes, few seeds or objects): not evidence"),
+        "smoke" => Some("smoke test (smallest sizes): not evidence"),
+        _ => None,
+    }
+}
+
+/// Prints the experiments of a study.
+///
+/// # Errors
+/// When the output cannot be written.
+pub(crate) fn list(experiments: &Choices) -> Result<()> {
+    if cli::is_json() {
+        let all = experiments.iter().map(|(id, about)| json!({ "id": id, "about": about }));
+        return cli::say_json(&json!({ "experiments": all.collect::<Vec<_>>() }));
+    }
+    experiments.iter().try_for_each(|(id, about)| cli::say(&format!("{id:11} {about}")))
+}
+
+/// A study that has run.
+pub(crate) struct Finished<'a> {
+    pub(crate) kind: &'static str,
+    pub(crate) title: &'static str,
+    pub(crate) dir: &'a Path,
+    pub(crate) scale: &'a str,
+    pub(crate) reports: &'a [Report],
+    /// An experiment, and the seconds by row that are shown beside it.
+    pub(crate) costs: (&'a str, &'a [(String, Summary)]),
+    /// Entries of the record beside those of every study.
+    pub(crate) own: Map<String, Value>,
+    pub(crate) seconds: f64,
+}
+
+impl Finished<'_> {
+    /// Writes tables, record and page, and prints the verdicts.
+    ///
+    /// # Errors
+    /// When a file cannot be written.
+    pub(crate) fn publish(self) -> Result<()> {
+        write_tables(self.dir, self.reports)?;
+        let mut record = json!({
+            "kind": self.kind, "lastlight": env!("CARGO_PKG_VERSION"), "sizes": self.scale, "threads": par::threads(),
+            "experiments": records(self.reports), "seconds": self.seconds, like::ARGUMENTS: cli::arguments(),
+            "build": version::record(),
+        });
+        for (key, value) in self.own {
+            record[key] = value;
+        }
+        atomic::write_bytes(&self.dir.join(RECORD), format!("{record:#}\n").as_bytes())?;
+        let titles = (self.title, warning(self.scale).unwrap_or_default());
+        let page = page(self.kind, titles, self.reports, self.costs).write(self.dir)?;
+        if cli::is_json() {
+            return cli::say_json(&record);
+        }
+        if let Some(warning) = warning(self.scale) {
+            cli::say(warning)?;
+        }
+        for r in self.reports {
+            cli::say(&format!("{:11} {:13} {}", r.id, r.outcome.name(), r.verdict))?;
+        }
+        cli::say(&format!("report {}", page.display()))
+    }
+}
+
 /// Writes the table of each report as `ID.csv`.
 ///
 /// # Errors
 /// When a file cannot be written.
-pub(crate) fn write_tables(dir: &Path, reports: &[Report]) -> Result<()> {
+fn write_tables(dir: &Path, reports: &[Report]) -> Result<()> {
     let quoted = |row: &[String]| -> String {
         row.iter().map(|c| format!("\"{}\"", c.replace('"', "\"\""))).collect::<Vec<_>>().join(",")
     };
@@ -116,7 +193,7 @@ pub(crate) fn write_tables(dir: &Path, reports: &[Report]) -> Result<()> {
 }
 
 /// Reports as part of a record.
-pub(crate) fn records(reports: &[Report]) -> Vec<Value> {
+fn records(reports: &[Report]) -> Vec<Value> {
     let record = |r: &Report| {
         json!({
             "id": r.id, "claim": r.claim, "outcome": r.outcome.name(), "verdict": r.verdict, "head": r.head,
@@ -184,7 +261,7 @@ fn section(r: &Report, seconds: &[(String, Summary)]) -> Section {
 }
 
 /// The page of a study. `costs` are the seconds by row that are shown beside one of the experiments.
-pub(crate) fn page(
+fn page(
     kind: &str,
     (title, notice): (&str, &'static str),
     reports: &[Report],

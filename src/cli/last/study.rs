@@ -2,14 +2,12 @@
 
 use crate::choices::{Choices, choices};
 use crate::claim;
-use crate::console as cli;
 use crate::experiment::{Experiment, Report, RunOptions};
 use crate::experiments::{self as engine, Study};
-use crate::io::atomic;
 use crate::meter::Meter;
 use crate::num::par;
 use crate::shared::{ForceArgs, MetricArgs};
-use crate::{Error, Result, like, version};
+use crate::{Error, Result};
 use lastlight_last::model::file::Trained;
 use lastlight_last::model::shipped;
 use lastlight_study::last::images::{self, StructureFromImages};
@@ -20,8 +18,6 @@ use lastlight_study::last::person::setup::{self, Model, Setup};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
-/// The record in `--out`.
-const RECORD: &str = "study.json";
 /// Graph of the data of the model that comes with the program.
 const SHIPPED: &str = "FORK";
 /// The experiment that shows what a fit costs.
@@ -64,13 +60,6 @@ enum Command {
     List,
 }
 
-/// Values of `--scale`.
-const SCALES: &Choices = &[
-    ("full", "the study: hours"),
-    ("quick", "small sizes and few seeds: minutes, not evidence"),
-    ("smoke", "smallest sizes: a test that everything runs"),
-];
-
 /// Run the experiments of LAST: the paper's claims against measurements.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
@@ -97,7 +86,7 @@ pub(crate) struct Args {
     #[arg(long)]
     no_search: bool,
     /// Sizes and numbers of seeds
-    #[arg(long, value_name = "NAME", default_value = "full", value_parser = choices(SCALES))]
+    #[arg(long, value_name = "NAME", default_value = "full", value_parser = choices(engine::SCALES))]
     scale: String,
     /// Number of cells run at the same time; results do not depend on it [default: number of threads]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
@@ -120,15 +109,6 @@ impl Args {
             "quick" => (learn::Size::quick(), images::Size::quick(), setup::Size::quick()),
             "smoke" => (learn::Size::smoke(), images::Size::smoke(), setup::Size::smoke()),
             _ => (learn::Size::full(), images::Size::full(), setup::Size::full()),
-        }
-    }
-
-    /// What sizes other than the study's are worth.
-    fn warning(&self) -> Option<&'static str> {
-        match self.scale.as_str() {
-            "quick" => Some("quick run (small sizes, few seeds): not evidence"),
-            "smoke" => Some("smoke test (smallest sizes): not evidence"),
-            _ => None,
         }
     }
 
@@ -175,16 +155,8 @@ fn number(id: &str) -> u32 {
 pub(super) fn run(args: &Args) -> Result<()> {
     match (&args.command, &args.out) {
         (None, Some(out)) => study(args, out),
-        _ => list(),
+        _ => engine::list(EXPERIMENTS),
     }
-}
-
-fn list() -> Result<()> {
-    if cli::is_json() {
-        let all = EXPERIMENTS.iter().map(|(id, about)| json!({ "id": id, "about": about }));
-        return cli::say_json(&json!({ "experiments": all.collect::<Vec<_>>() }));
-    }
-    EXPERIMENTS.iter().try_for_each(|(id, about)| cli::say(&format!("{id:11} {about}")))
 }
 
 fn study(args: &Args, out: &Path) -> Result<()> {
@@ -232,26 +204,18 @@ fn study(args: &Args, out: &Path) -> Result<()> {
     study.run(&chosen)?;
     let mut reports = study.reports;
     reports.sort_by_key(|r| number(r.id));
-    engine::write_tables(&dir, &reports)?;
-    let record = json!({
-        "kind": "last study", "lastlight": env!("CARGO_PKG_VERSION"), "sizes": args.scale,
-        "threads": par::threads(), "jobs": options.jobs, "models": named, "constants": constants,
-        "experiments": engine::records(&reports), "seconds": meter.seconds(),
-        like::ARGUMENTS: cli::arguments(), "build": version::record(),
-    });
-    atomic::write_bytes(&dir.join(RECORD), format!("{record:#}\n").as_bytes())?;
-    let titles = ("Experiments of LAST", args.warning().unwrap_or_default());
-    let page = engine::page("last study", titles, &reports, (COST, &costs)).write(&dir)?;
-    if cli::is_json() {
-        return cli::say_json(&record);
-    }
-    if let Some(warning) = args.warning() {
-        cli::say(warning)?;
-    }
-    for r in &reports {
-        cli::say(&format!("{:11} {:9} {}", r.id, r.outcome.name(), r.verdict))?;
-    }
-    cli::say(&format!("report {}", page.display()))
+    let own = json!({ "jobs": options.jobs, "models": named, "constants": constants });
+    let finished = engine::Finished {
+        kind: "last study",
+        title: "Experiments of LAST",
+        dir: &dir,
+        scale: &args.scale,
+        reports: &reports,
+        costs: (COST, &costs),
+        own: own.as_object().cloned().unwrap_or_default(),
+        seconds: meter.seconds(),
+    };
+    finished.publish()
 }
 
 #[cfg(test)]

@@ -1,23 +1,18 @@
 //! `lirm study`: the experiments of LIRM, one table and one chart each.
 
+use crate::Result;
 use crate::choices::{Choices, choices};
 use crate::claim;
-use crate::console as cli;
 use crate::experiment::{Experiment, RunOptions};
 use crate::experiments::{self as engine, Study};
-use crate::io::atomic;
 use crate::meter::Meter;
-use crate::num::par;
 use crate::shared::ForceArgs;
-use crate::{Result, like, version};
 use lastlight_lirm::model::file::{Model, digest};
 use lastlight_study::lirm::setup::{Named, Setup, Size};
 use lastlight_study::lirm::{limits, occupancy, scenes, scoring, variants};
-use serde_json::json;
+use serde_json::{Map, json};
 use std::path::{Path, PathBuf};
 
-/// The record in `--out`.
-const RECORD: &str = "study.json";
 /// The experiment that shows what a render costs.
 const COST: &str = "occupancy";
 
@@ -44,13 +39,6 @@ enum Command {
     List,
 }
 
-/// Values of `--scale`.
-const SCALES: &Choices = &[
-    ("full", "the study: hours"),
-    ("quick", "small sizes and few objects: minutes, not evidence"),
-    ("smoke", "smallest sizes: a test that everything runs"),
-];
-
 /// Run the experiments of LIRM: the paper's claims against measurements.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
@@ -74,7 +62,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "DIR", required = true)]
     out: Option<PathBuf>,
     /// Sizes and numbers of objects
-    #[arg(long, value_name = "NAME", default_value = "full", value_parser = choices(SCALES))]
+    #[arg(long, value_name = "NAME", default_value = "full", value_parser = choices(engine::SCALES))]
     scale: String,
     /// Continue an interrupted study
     #[arg(long, conflicts_with = "force")]
@@ -94,30 +82,13 @@ impl Args {
             _ => Size::full(),
         }
     }
-
-    /// What sizes other than the study's are worth.
-    fn warning(&self) -> Option<&'static str> {
-        match self.scale.as_str() {
-            "quick" => Some("quick run (small sizes, few objects): not evidence"),
-            "smoke" => Some("smoke test (smallest sizes): not evidence"),
-            _ => None,
-        }
-    }
 }
 
 pub(super) fn run(args: &Args) -> Result<()> {
     match (&args.command, &args.out) {
         (None, Some(out)) => study(args, out),
-        _ => list(),
+        _ => engine::list(EXPERIMENTS),
     }
-}
-
-fn list() -> Result<()> {
-    if cli::is_json() {
-        let all = EXPERIMENTS.iter().map(|(id, about)| json!({ "id": id, "about": about }));
-        return cli::say_json(&json!({ "experiments": all.collect::<Vec<_>>() }));
-    }
-    EXPERIMENTS.iter().try_for_each(|(id, about)| cli::say(&format!("{id:10} {about}")))
 }
 
 /// All experiments, in the order of the list.
@@ -153,26 +124,19 @@ fn study(args: &Args, out: &Path) -> Result<()> {
     let reports = study.reports;
     let cost = chosen.iter().find(|x| x.id() == COST);
     let costs = cost.map_or_else(Vec::new, |x| engine::durations(&dir, x.folder(), &x.cells()));
-    engine::write_tables(&dir, &reports)?;
     let named = setup.models.iter().map(|m| json!({ "name": m.name, "digest": digest(&m.model.params) }));
-    let record = json!({
-        "kind": "lirm study", "lastlight": env!("CARGO_PKG_VERSION"), "sizes": args.scale, "threads": par::threads(),
-        "models": named.collect::<Vec<_>>(), "experiments": engine::records(&reports), "seconds": meter.seconds(),
-        like::ARGUMENTS: cli::arguments(), "build": version::record(),
-    });
-    atomic::write_bytes(&dir.join(RECORD), format!("{record:#}\n").as_bytes())?;
-    let titles = ("Experiments of LIRM", args.warning().unwrap_or_default());
-    let page = engine::page("lirm study", titles, &reports, (COST, &costs)).write(&dir)?;
-    if cli::is_json() {
-        return cli::say_json(&record);
-    }
-    if let Some(warning) = args.warning() {
-        cli::say(warning)?;
-    }
-    for r in &reports {
-        cli::say(&format!("{:10} {:13} {}", r.id, r.outcome.name(), r.verdict))?;
-    }
-    cli::say(&format!("report {}", page.display()))
+    let own = Map::from_iter([("models".to_owned(), named.collect())]);
+    let finished = engine::Finished {
+        kind: "lirm study",
+        title: "Experiments of LIRM",
+        dir: &dir,
+        scale: &args.scale,
+        reports: &reports,
+        costs: (COST, &costs),
+        own,
+        seconds: meter.seconds(),
+    };
+    finished.publish()
 }
 
 #[cfg(test)]
