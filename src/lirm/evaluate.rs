@@ -315,7 +315,10 @@ fn state_and_image(
         let truth = Subject::new(&p.set, k)?.object.mesh;
         let settings = mesh::Settings { side: CELLS, ..mesh::Settings::default() };
         // A field without a surface has no distance.
-        if let Ok((surface, ..)) = mesh::shape(&field, &settings) {
+        if let Ok((mut surface, ..)) = mesh::shape(&field, &settings) {
+            for x in &mut surface.positions {
+                *x = at.to_world(x.map(f64::from)).map(|x| x as f32);
+            }
             numbers.insert("distance_radii", Shape::of(&surface, &truth, p.set.seed)?.distance());
         }
     }
