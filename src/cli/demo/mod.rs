@@ -1,11 +1,13 @@
-//! `demo`: LAST end to end on a built-in person, and a built-in scene, without any input.
+//! `demo`: LAST end to end on a built-in person, LIRM on a built-in object, and a built-in scene, without any input.
 //!
 //! ```text
 //! person   video ──► tuned structure ──► fitted person ──► held-out images, turntable, interventions
+//! object   four images ──► field ──► four more ──► better field ──► mesh ──► relit turntable
 //! scene    images ──► Gaussians ──► held-out images
 //! ```
 
 mod args;
+mod object;
 mod person;
 mod scene;
 
@@ -39,6 +41,8 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let dir = claim::folder(dir, false, args.force || is_ours)?;
     let wants = |part: &str| args.only.as_ref().is_none_or(|only| only == part);
     let person = timed(&mut meter, wants("last"), |meter| person::run(args, &dir, meter))?;
+    let has_object = wants("lirm") && args.model.is_some();
+    let object = timed(&mut meter, has_object, |meter| object::run(args, &dir.join("object"), meter))?;
     let scene = timed(&mut meter, wants("splat"), |meter| scene::run(args, &dir.join("scene"), meter))?;
     let held_out = |part: &Option<Outcome>| part.as_ref().map(|p| p.held_out_db);
     let checks = [
@@ -48,12 +52,13 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let record = json!({
         "kind": "demo", "lastlight": env!("CARGO_PKG_VERSION"), "seconds": meter.seconds(),
         like::ARGUMENTS: arguments(), "build": version::record(),
-        "person": person.as_ref().map(|p| &p.record), "scene": scene.as_ref().map(|s| &s.record),
+        "person": person.as_ref().map(|p| &p.record), "object": object.as_ref().map(|o| &o.record),
+        "scene": scene.as_ref().map(|s| &s.record),
     });
     atomic::write_bytes(&dir.join(RECORD), format!("{record:#}\n").as_bytes())?;
-    let page = page(person.as_ref(), scene.as_ref(), &meter, &dir);
+    let page = page(person.as_ref(), object.as_ref(), scene.as_ref(), &meter, &dir);
     let mut lines = Vec::new();
-    for (name, part) in [("person", &person), ("scene", &scene)] {
+    for (name, part) in [("person", &person), ("object", &object), ("scene", &scene)] {
         if let Some(part) = part {
             lines.push(format!("— {name}"));
             lines.extend(part.lines.iter().cloned());
@@ -61,7 +66,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     }
     Outcome { record, page: Some(page), lines, held_out_db: f64::NAN }.publish(&dir)?;
     if !crate::console::is_json() && !crate::console::is_quiet() {
-        next(&dir, person.is_some(), scene.is_some())?;
+        next(&dir, [person.is_some(), object.is_some(), scene.is_some()])?;
     }
     for (name, reached, least, enough) in checks {
         let counts = args.iterations.is_none_or(|n| n >= enough);
@@ -94,7 +99,7 @@ fn timed(
 }
 
 /// What to try now.
-fn next(dir: &Path, person: bool, scene: bool) -> Result<()> {
+fn next(dir: &Path, [person, object, scene]: [bool; 3]) -> Result<()> {
     let d = dir.display();
     say("")?;
     say("Next:")?;
@@ -104,6 +109,11 @@ fn next(dir: &Path, person: bool, scene: bool) -> Result<()> {
         say(&format!("  {program} last render {d}/person --cameras orbit:36 --pose 5 --out around"))?;
         say(&format!(
             "  {program} last fit {d}/subject/video --out alone           the same person without the model"
+        ))?;
+    }
+    if object {
+        say(&format!(
+            "  {program} lirm relight {d}/object/second --env sunset --cameras orbit:8 --out relit"
         ))?;
     }
     if scene {
@@ -117,8 +127,14 @@ fn next(dir: &Path, person: bool, scene: bool) -> Result<()> {
     say(&format!("  {program} oracle list                    operators to compare your own code with"))
 }
 
-/// One page: the person with everything, the images of the scene, what it took.
-fn page(person: Option<&Outcome>, scene: Option<&Outcome>, meter: &Meter, dir: &Path) -> Page {
+/// One page: the person with everything, the object, the images of the scene, what it took.
+fn page(
+    person: Option<&Outcome>,
+    object: Option<&Outcome>,
+    scene: Option<&Outcome>,
+    meter: &Meter,
+    dir: &Path,
+) -> Page {
     let ends = ["time", "files", "settings"];
     let (mut stats, mut sections, mut facts) = (Vec::new(), Vec::new(), Vec::new());
     if let Some(p) = person {
@@ -126,14 +142,20 @@ fn page(person: Option<&Outcome>, scene: Option<&Outcome>, meter: &Meter, dir: &
         stats.extend(p.stats().iter().filter(|s| s.label != "Time").cloned());
         sections.extend(p.sections().iter().filter(|s| !ends.contains(&s.id)).cloned());
     }
+    if let Some(o) = object {
+        facts.push(("digest of the object", text(&o.record["digest"])));
+        stats.extend(o.stats().iter().cloned());
+        sections.extend(o.sections().iter().cloned());
+    }
+    let is_alone = person.is_none() && object.is_none();
     if let Some(s) = scene {
         facts.push(("digest of the scene", text(&s.record["digest"])));
-        let label = if person.is_some() { "PSNR, scene, held out" } else { "PSNR, held out" };
+        let label = if is_alone { "PSNR, held out" } else { "PSNR, scene, held out" };
         let first = s.stats().iter().take(1).cloned();
         stats.extend(first.map(|stat| Stat { label, ..stat }));
         let mut views = s.sections().to_vec();
-        views.retain(|section| section.id == "views" || person.is_none() && !ends.contains(&section.id));
-        if person.is_some() {
+        views.retain(|section| section.id == "views" || is_alone && !ends.contains(&section.id));
+        if !is_alone {
             for section in &mut views {
                 (section.id, section.title) = ("scene", "A scene from images");
             }
@@ -147,6 +169,11 @@ fn page(person: Option<&Outcome>, scene: Option<&Outcome>, meter: &Meter, dir: &
         "turntable.png",
         "interventions/grid.png",
         "interventions/moved.csv",
+        "object/objects/dataset.json",
+        "object/second/field.safetensors",
+        "object/second/state.safetensors",
+        "object/mesh.glb",
+        "object/relit.png",
         "scene/scene.ply",
         "scene/scene.splat",
         RECORD,
@@ -157,20 +184,14 @@ fn page(person: Option<&Outcome>, scene: Option<&Outcome>, meter: &Meter, dir: &
     // Those of the fit itself, which knows its defaults.
     let own = person.or(scene).and_then(|part| part.sections().iter().find(|s| s.id == "settings"));
     sections.extend(own.cloned());
-    let title = match (person, scene) {
-        (Some(_), Some(_)) => "A person from a video, a scene from images",
-        (Some(_), None) => "A person from a video",
-        _ => "A scene from images",
-    };
-    Page {
-        kind: "demo".into(),
-        title: title.into(),
-        notice: "",
-        command: command_line(),
-        facts,
-        stats,
-        sections,
-    }
+    let parts = [
+        (person, "a person from a video"),
+        (object, "an object from a few images"),
+        (scene, "a scene from images"),
+    ];
+    let names: Vec<&str> = parts.iter().filter_map(|(part, name)| part.map(|_| *name)).collect();
+    let title = names.join(", ").replacen('a', "A", 1);
+    Page { kind: "demo".into(), title, notice: "", command: command_line(), facts, stats, sections }
 }
 
 fn text(value: &Value) -> String {

@@ -4,6 +4,7 @@
 mod eval;
 mod r#gen;
 mod init;
+pub(super) mod job;
 mod reconstruct;
 mod relight;
 mod study;

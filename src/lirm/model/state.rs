@@ -6,7 +6,8 @@
 //! | `placement/center`, `placement/scale`, `placement/rotation` | (3), (1), (3, 3) | x = Q·(X − centre)·scale |
 //!
 //! Metadata: `kind`, `version`, `configuration` of the model, `model` (digest of its weights), `sets` (numbers of images, in the order in
-//! which they were read), `exposure` (factor from radiance to the images). The size of the file does not depend on how many images were read.
+//! which they were read), `exposure` (factor from radiance to the images). The arrays do not grow with the number of images; the list of
+//! sets does, by a few bytes per set.
 
 use super::config::Config;
 use crate::io::safetensors;

@@ -1,0 +1,265 @@
+//! Sets of images read after a state, or after none: the run behind `lirm reconstruct`, `lirm update` and the object of `demo`.
+//!
+//! ```text
+//! capture ──► pictures ──► which images, set by set ──► inputs ──► transformer ──► state ──► field ──► scores of held-out images
+//!                                    place of the object, or that of the state ──┘
+//! ```
+
+use crate::field::page;
+use crate::fit::field::place::{Pose, around, placement, posed, unit_ball, upright};
+use crate::fit::field::scores::means;
+use crate::fit::field::targets::{Picture, Pictures};
+use crate::fit::field::{Scores, score, view};
+use crate::fit::render::flat_name;
+use crate::fit::training::Watch;
+use crate::io::{atomic, memory};
+use crate::meter::Meter;
+use crate::num::gemm::{Finish, View, gemm};
+use crate::report::run::Run;
+use crate::report::{self};
+use crate::scene::camera::Camera;
+use crate::scene::field::{FILE as FIELD, Field, Placement};
+use crate::shared::{Outcome, name};
+use crate::training::RESULT;
+use crate::units::counted;
+use crate::{Error, Result, console as cli, version};
+use lastlight_lirm::model::config::Config;
+use lastlight_lirm::model::decode::Look;
+use lastlight_lirm::model::file::{Model, digest};
+use lastlight_lirm::model::params::count;
+use lastlight_lirm::model::state::{FILE as STATE, State};
+use lastlight_lirm::model::transformer::Input;
+use lastlight_lirm::model::weights::Ready;
+use lastlight_lirm::reading::inputs;
+use lastlight_lirm::views::Views;
+use serde_json::{Value, json};
+use std::path::Path;
+
+/// Pixels per side of the images that a model is trained with.
+const TRAINED: usize = 64;
+/// Rows, columns and inner numbers of the products by which the speed of the machine is measured.
+const SAMPLE: usize = 512;
+/// Floating-point operations from which the time is estimated before they start.
+const LONG: f64 = 1e12;
+/// Cosine of the largest angle between up in the images and z for which a capture is z up.
+const LEVEL: f64 = 0.94;
+
+/// Size of the images that are read.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Size {
+    /// Square images are shrunk to that of the training, others are cut to it.
+    Usual,
+    /// A square around the object, brought to this many pixels.
+    Cropped(usize),
+    /// As they are.
+    Own,
+}
+
+/// What the first set is read after.
+pub(crate) enum Start {
+    /// With these axes, or those of the model.
+    Nothing(Option<Pose>),
+    /// A state and its box.
+    State(Box<State>),
+}
+
+/// Sets of images to read.
+pub(crate) struct Job<'a> {
+    pub(crate) kind: &'static str,
+    pub(crate) model: &'a Model,
+    pub(crate) capture: &'a Path,
+    pub(crate) pictures: &'a Pictures,
+    /// Indices of the images, set by set.
+    pub(crate) sets: Vec<Vec<usize>>,
+    pub(crate) size: Size,
+    pub(crate) look: Look,
+    /// What the record says of the settings.
+    pub(crate) settings: Value,
+}
+
+/// What was made.
+pub(crate) struct Made {
+    pub(crate) state: State,
+    pub(crate) field: Field,
+    /// Of the held-out images.
+    pub(crate) scored: Vec<Scores>,
+    pub(crate) outcome: Outcome,
+}
+
+/// Prints the size of the work before it starts; refuses what does not fit into the memory.
+fn announce(config: &Config, sets: &[Vec<Input>], meter: &mut Meter) -> Result<()> {
+    let tokens = |set: &Vec<Input>| set.iter().fold(0, |sum, x| sum + x.tokens());
+    let most = sets.iter().map(tokens).fold(0, Ord::max);
+    let (parameters, operations) =
+        (count(config), sets.iter().fold(0.0, |sum, set| sum + config.flops(tokens(set))[0]));
+    let bytes = config.memory(parameters, most);
+    memory::check("lirm reconstruct", bytes).map_err(|e| {
+        e.hint("--images-per-set and --downscale lower the estimate, --max-memory raises the limit")
+    })?;
+    let mut line = format!(
+        "{parameters} parameters, {} tokens in the largest set, {:.1} GiB, {:.3} TFLOP",
+        config.state_tokens() + most,
+        bytes as f64 / f64::from(1 << 30),
+        1e-12 * operations
+    );
+    if operations > LONG {
+        let factor = vec![0.5; SAMPLE * SAMPLE];
+        let mut product = vec![0.0; SAMPLE * SAMPLE];
+        let of = || View::new(&factor, SAMPLE, SAMPLE);
+        gemm(of(), of(), Finish::Store, &mut product);
+        let before = meter.seconds();
+        (0..4).for_each(|_| gemm(of(), of(), Finish::Store, &mut product));
+        let rate = 8.0 * (SAMPLE * SAMPLE * SAMPLE) as f64 / (meter.seconds() - before);
+        line += &format!(", about {} at {:.0} GFLOP/s", report::seconds(operations / rate), 1e-9 * rate);
+    }
+    meter.note(&line);
+    Ok(())
+}
+
+/// The axes that the model was trained with, in a capture whose z may not be up.
+fn own_pose(of_model: Pose, cameras: &[&Camera], meter: &Meter) -> Pose {
+    match upright(cameras) {
+        Some(up) if of_model == Pose::Azimuth && up[2] < LEVEL => {
+            meter.note(&format!(
+                "up in the images is ({:.2}, {:.2}, {:.2}), not z: the object is read with --field-axes upright",
+                up[0], up[1], up[2]
+            ));
+            Pose::Upright
+        }
+        _ => of_model,
+    }
+}
+
+/// The state must come from this model.
+fn belongs(state: &State, model: &Model) -> Result<()> {
+    let own = digest(&model.params);
+    if state.config == model.config && state.model == own {
+        return Ok(());
+    }
+    Err(Error::input("--model")
+        .expected(format!("the model of the state, with the digest {}", state.model))
+        .got(own))
+}
+
+impl Job<'_> {
+    /// The place of the object: that of the state, or one around what the images show.
+    ///
+    /// # Errors
+    /// When the state comes from another model, or the images do not show which direction is up.
+    pub(crate) fn place(&self, start: &Start, meter: &Meter) -> Result<Placement> {
+        let pose = match start {
+            Start::State(state) => {
+                belongs(state, self.model)?;
+                return Ok(state.placement);
+            }
+            Start::Nothing(pose) => pose,
+        };
+        let of = self.pictures;
+        let read: Vec<&Picture> = self.sets.iter().flatten().map(|i| &of.pictures[*i]).collect();
+        let scene = match of.is_unit_ball {
+            true => unit_ball(),
+            false => around(&read, of.views.scene_box.center)?,
+        };
+        let cameras: Vec<&Camera> = read.iter().map(|p| &p.camera).collect();
+        let pose = pose.unwrap_or_else(|| own_pose(self.model.config.pose, &cameras, meter));
+        posed(placement(&scene), pose, &cameras)
+    }
+
+    /// Images of the size that is read.
+    fn sized(&self, views: Views) -> Result<Views> {
+        match self.size {
+            Size::Cropped(side) => Ok(views.cropped(side)),
+            Size::Own => Ok(views),
+            Size::Usual => match views.square_factor(TRAINED) {
+                Some(factor) => views.small(factor),
+                None => Ok(views.cropped(TRAINED)),
+            },
+        }
+    }
+
+    /// Reads the sets, decodes the state, scores the field on the held-out images and writes all of it into a folder that is there.
+    ///
+    /// # Errors
+    /// When an image cannot be read, the work does not fit into the memory, or a file cannot be written.
+    pub(crate) fn run(&self, start: Start, place: Placement, dir: &Path, meter: &mut Meter) -> Result<Made> {
+        let (model, pictures) = (self.model, self.pictures);
+        let before = match start {
+            Start::Nothing(_) => None,
+            Start::State(state) => Some(*state),
+        };
+        meter.lap("reading");
+        let set = |some: &Vec<usize>| {
+            let views = Views::of_capture(pictures, some, place)?;
+            inputs(&self.sized(views)?, model.config.is_whole)
+        };
+        let sets: Vec<Vec<Input>> = self.sets.iter().map(set).collect::<Result<_>>()?;
+        meter.lap("inputs");
+        announce(&model.config, &sets, meter)?;
+        let ready = Ready::new(model.config, &model.params);
+        let start = before.as_ref().map_or_else(|| ready.no_state(), |s| s.tokens.clone());
+        let tokens = ready.read_all(&start, &sets);
+        meter.lap("transformer");
+        let field = ready.decode(&tokens, self.look, place);
+        meter.lap("decoding");
+        let mut read_so_far = before.map_or_else(Vec::new, |s| s.sets);
+        read_so_far.extend(sets.iter().map(Vec::len));
+        let state = State {
+            tokens,
+            placement: place,
+            config: model.config,
+            model: digest(&model.params),
+            sets: read_so_far,
+            exposure: pictures.exposure,
+        };
+        state.write(&dir.join(STATE))?;
+        field.write(&dir.join(FIELD))?;
+        let targets = pictures.targets(place);
+        let cells = view::occupancy(&field)?;
+        let scored = targets.test.iter().map(|t| score(&field, &cells, t)).collect::<Result<Vec<_>>>()?;
+        meter.lap("evaluation");
+        let outcome = self.outcome(&state, &field, &scored, dir, meter)?;
+        Ok(Made { state, field, scored, outcome })
+    }
+
+    /// Writes the renders and the record; gives the record, the report and the lines for a terminal.
+    fn outcome(
+        &self,
+        state: &State,
+        field: &Field,
+        scored: &[Scores],
+        dir: &Path,
+        meter: &Meter,
+    ) -> Result<Outcome> {
+        let mut names = vec![FIELD.to_owned(), STATE.to_owned(), RESULT.to_owned()];
+        names.extend(page::write_renders(dir, scored, &flat_name)?);
+        let means = means(scored);
+        let views: Vec<Value> = scored.iter().map(|s| s.json()).collect();
+        let digest = field.digest()?;
+        let record = json!({
+            "kind": self.kind, "lastlight": env!("CARGO_PKG_VERSION"), "digest": digest, "sets": state.sets, "exposure": state.exposure,
+            "arguments": cli::arguments(), "build": version::record(), "settings": self.settings, "seconds": meter.seconds(),
+            "evaluation": {"mean": means, "views": views},
+        });
+        atomic::write_bytes(&dir.join(RESULT), format!("{record:#}\n").as_bytes())?;
+        let images = self.sets.iter().flatten().count();
+        let page = page::page(&page::Input {
+            kind: self.kind,
+            title: format!("Object from {} of {}", counted(images, "image"), name(self.capture)),
+            digest: Some(digest.clone()),
+            means: &means,
+            scored,
+            benchmark: None,
+            run: Run::new(&record["settings"], None, meter, dir, &names),
+        })?;
+        let lines = vec![
+            page::summary(&means),
+            format!("images      {images} in {}", counted(self.sets.len(), "set")),
+            format!("digest      {digest}"),
+            format!("time        {}", report::seconds(meter.seconds())),
+            format!("field       {}", dir.join(FIELD).display()),
+            format!("next        lastlight field mesh {} --out mesh.glb", dir.display()),
+        ];
+        let held_out_db = means["psnr_db"].as_f64().unwrap_or(f64::NAN);
+        Ok(Outcome { record, page: Some(page), lines, held_out_db })
+    }
+}
