@@ -9,6 +9,7 @@ mod last;
 mod last_character;
 mod last_gen;
 mod last_subjects;
+mod lirm_evaluate;
 mod lirm_gen;
 mod lirm_train;
 mod lirm_truth;

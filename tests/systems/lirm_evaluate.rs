@@ -1,0 +1,51 @@
+//! Scores of a LIRM state: where its surface is compared.
+
+use lastlight::fit::field::benchmark::Shape;
+use lastlight::fit::field::mesh;
+use lastlight::lirm::evaluate::{Control, Order, Protocol, settings, state};
+use lastlight::lirm::r#gen::Settings;
+use lastlight::lirm::model::config::Config;
+use lastlight::lirm::model::decode::Look;
+use lastlight::lirm::model::params::first;
+use lastlight::lirm::model::weights::Ready;
+use lastlight::lirm::subject::Subject;
+use lastlight::lirm::views::Views;
+use lastlight::scene::field::Placement;
+
+#[test]
+fn surfaces_are_compared_in_the_world() {
+    let config = Config { blocks: 1, width: 16, heads: 2, plane_tokens: 2, embed_tokens: 0, ..Config::SMALL };
+    let params = first(&config, 5);
+    let ready = Ready::new(config, &params);
+    let p = Protocol {
+        set: Settings { size: 32, ..settings(2, 1) },
+        version: "uniform".into(),
+        order: Order::Random,
+        look: Look::of_field(16, 40.0),
+        control: Control::None,
+        sets: 1,
+        outputs: 1,
+        means: None,
+        shapes: true,
+    };
+    let views = Views::rendered(&p.set, 0, "uniform").expect("an object");
+    let truth = Subject::new(&p.set, 0).expect("an object").object.mesh;
+    // A state far from the mean of a LayerNorm: a surface without any symmetry.
+    let tokens: Vec<f32> =
+        (0..config.state_tokens() * config.width).map(|i| ((i * i) % 17) as f32 - 8.0).collect();
+    // x = Q·(X − c): a quarter turn about the vertical, and the object beside the origin.
+    let at = Placement {
+        rotation: [[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]],
+        ..Placement::new([0.25, -0.125, 0.5], 1.0)
+    };
+    let made = mesh::Settings { side: 96, ..mesh::Settings::default() };
+    let (own, ..) = mesh::shape(&ready.decode(&tokens, p.look, at), &made).expect("a surface");
+    let mut moved = own.clone();
+    for x in &mut moved.positions {
+        *x = [0.25 - x[1], x[0] - 0.125, 0.5 + x[2]];
+    }
+    let [there, unmoved] = [&moved, &own].map(|m| Shape::of(m, &truth, 2).expect("an area").distance());
+    let scored = state(&ready, &p, (&tokens, at), 0, &views).expect("finite")["distance_radii"];
+    assert!((scored - there).abs() < 1e-6, "{scored} in the world, {there} by hand");
+    assert!((there - unmoved).abs() > 0.05, "{there} and {unmoved} differ");
+}
