@@ -5,7 +5,7 @@ use crate::fit::field::place::Pose;
 use crate::io::safetensors::Precision;
 use crate::meter::Meter;
 use crate::{Result, claim, console as cli};
-use lastlight_lirm::model::config::Config;
+use lastlight_lirm::model::config::{Config, HeadGain};
 use lastlight_lirm::model::file::{Model, digest};
 use lastlight_lirm::model::params::{count, first};
 use serde_json::json;
@@ -28,13 +28,48 @@ pub(super) const POSES: &Choices = &[
     ("first-camera", "those of the first input camera, as published"),
 ];
 
+/// Values of `--head-gain`.
+pub(super) const GAINS: &Choices = &[
+    ("published", "Xavier-uniform times 1/4"),
+    ("larger", "times 1/2 for distances and 1 for the others: colours learn from the first step on"),
+];
+
+/// Choices of a model that begins.
+#[derive(clap::Args)]
+pub(super) struct FirstArgs {
+    /// Axes of the field [default: those of the configuration]
+    #[arg(long, value_name = "NAME", value_parser = choices(POSES))]
+    field_axes: Option<String>,
+    /// First values of the heads [default: those of the configuration]
+    #[arg(long, value_name = "NAME", value_parser = choices(GAINS))]
+    head_gain: Option<String>,
+}
+
+impl FirstArgs {
+    /// A configuration with these choices.
+    ///
+    /// # Errors
+    /// If there is none of that name.
+    pub(super) fn config(&self, name: &str) -> Result<Config> {
+        let named = Config::named(name)?;
+        let pose = self.field_axes.as_deref().and_then(Pose::named).unwrap_or(named.pose);
+        let head_gain = self.head_gain.as_deref().and_then(HeadGain::named).unwrap_or(named.head_gain);
+        Ok(Config { pose, head_gain, ..named })
+    }
+
+    /// Whether there is one.
+    pub(super) fn is_given(&self) -> bool {
+        self.field_axes.is_some() || self.head_gain.is_some()
+    }
+}
+
 /// Write a LIRM model with first values.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
   lastlight lirm init --out first.safetensors
   lastlight lirm init --config paper --whole --out paper.safetensors      652 MB
 
-The values are those with which lirm train begins. A field of such a model is a ball of a tenth of the box; the file is for tests of other implementations: names, shapes and layout of all arrays are those of a trained model.")]
+The values are those with which lirm train begins. A field of such a model is about a ball of a tenth of the box; the file is for tests of other implementations: names, shapes and layout of all arrays are those of a trained model.")]
 pub(crate) struct Args {
     /// File for the model, .safetensors in half precision
     #[arg(long, value_name = "FILE")]
@@ -42,9 +77,8 @@ pub(crate) struct Args {
     /// Sizes of the model
     #[arg(long, value_name = "NAME", default_value = "small", value_parser = choices(CONFIGS))]
     config: String,
-    /// Axes of the field [default: those of the configuration]
-    #[arg(long, value_name = "NAME", value_parser = choices(POSES))]
-    field_axes: Option<String>,
+    #[command(flatten)]
+    choices: FirstArgs,
     /// Whether photos are read, and there are materials and colours that depend on direction
     #[arg(long)]
     whole: bool,
@@ -58,9 +92,7 @@ pub(crate) struct Args {
 
 pub(super) fn run(args: &Args) -> Result<()> {
     let meter = Meter::new();
-    let named = Config::named(&args.config)?;
-    let pose = args.field_axes.as_deref().and_then(Pose::named).unwrap_or(named.pose);
-    let config = Config { is_whole: args.whole, pose, ..named };
+    let config = Config { is_whole: args.whole, ..args.choices.config(&args.config)? };
     claim::file(&args.out, args.force)?;
     let model = Model { config, params: first(&config, args.seed), stages: Vec::new() }.halved();
     model.write(&args.out, Precision::Half)?;

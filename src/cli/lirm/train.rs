@@ -1,17 +1,15 @@
 //! `lirm train`: one stage of the training of a LIRM model.
 
-use super::init::{CONFIGS, POSES};
+use super::init::{CONFIGS, FirstArgs};
 use crate::choices::{Choices, choices};
 use crate::console as cli;
-use crate::fit::field::place::Pose;
 use crate::fit::training::{Fit, Watch};
 use crate::meter::Meter;
 use crate::report::run::{self, Run};
 use crate::report::{self, Page};
 use crate::shared::{Outcome, OutputArgs};
 use crate::training::{self, CHECKPOINT, Frame, Head, RESULT};
-use crate::{Result, claim};
-use lastlight_lirm::model::config::Config;
+use crate::{Error, Result, claim};
 use lastlight_lirm::model::file::{FILE, Model, digest};
 use lastlight_lirm::model::params::count;
 use lastlight_lirm::train::source::{Rendered, Source};
@@ -57,9 +55,8 @@ pub(crate) struct Args {
     /// Sizes of the model, where there is no --from [default: small]
     #[arg(long, value_name = "NAME", value_parser = choices(CONFIGS), conflicts_with = "from")]
     config: Option<String>,
-    /// Axes of the field, where there is no --from [default: those of the configuration]
-    #[arg(long, value_name = "NAME", value_parser = choices(POSES), conflicts_with = "from")]
-    field_axes: Option<String>,
+    #[command(flatten)]
+    choices: FirstArgs,
     /// Steps [default: those of the stage]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     steps: Option<u32>,
@@ -134,13 +131,15 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let mut meter = Meter::new().of("objects");
     let settings = args.settings()?;
     claim::check(&args.out, args.filling.resume, args.filling.force)?;
+    if args.from.is_some() && args.choices.is_given() {
+        return Err(Error::input("--from")
+            .expected("--field-axes and --head-gain only where a model begins")
+            .got("a model that is there"));
+    }
     let before = args.from.as_deref().map(Model::read).transpose()?;
     let config = match &before {
         Some(model) => model.config,
-        None => {
-            let named = Config::named(args.config.as_deref().unwrap_or("small"))?;
-            Config { pose: args.field_axes.as_deref().and_then(Pose::named).unwrap_or(named.pose), ..named }
-        }
+        None => args.choices.config(args.config.as_deref().unwrap_or("small"))?,
     };
     meter.lap("reading");
     let rendered = Rendered::new(args.filling.seed);

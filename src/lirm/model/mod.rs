@@ -30,4 +30,4 @@ pub mod weights;
 #[cfg(test)]
 mod tests;
 
-pub use config::{Config, Fuse};
+pub use config::{Config, Fuse, HeadGain};

@@ -12,7 +12,7 @@
 //! | `…/g` | the rows of `v` | the length of each row of `v`, so that the weights are those of `v` |
 //! | `…/gain`, `…/bias` of a LayerNorm | (D) | 1, 0 |
 //! | other biases | | 0 |
-//! | `heads/NAME/L` | (outputs, inputs) | Xavier-uniform with gain ¼ |
+//! | `heads/NAME/L` | (outputs, inputs) | Xavier-uniform with the gain of [`HeadGain`](super::config::HeadGain) |
 //!
 //! A plain model has heads for distance, colour and normal; a whole one also reads photos, and has heads for albedo, material
 //! and ρ, and a colour head that reads the embedding. [`extended`] makes a whole model of a plain one, which computes the same colours.
@@ -30,8 +30,6 @@ use ndarray::{ArrayD, Axis, IxDyn, Slice};
 const PURPOSE: u16 = 0x0550;
 /// Standard deviation of weights.
 const DEVIATION: f64 = 0.02;
-/// Gain of the heads.
-const GAIN: f32 = 0.25;
 /// Channels per pixel of image, rays and photo.
 const INPUTS: [(&str, usize); 3] = [("image", 3), ("rays", 6), ("photo", 3)];
 
@@ -143,7 +141,7 @@ fn declared(c: &Config) -> Vec<Declared> {
     list.norm("norm", d);
     for (name, sizes) in heads(c) {
         for (l, n) in widths(sizes).windows(2).enumerate() {
-            list.put(format!("heads/{name}/{l}"), &[n[1], n[0]], First::Xavier(GAIN));
+            list.put(format!("heads/{name}/{l}"), &[n[1], n[0]], First::Xavier(c.head_gain.of(name)));
         }
     }
     list.0
