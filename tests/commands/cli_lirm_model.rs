@@ -120,7 +120,12 @@ fn a_model_reads_images_and_more_of_them() {
     assert!(!dir.join("d").exists(), "nothing is left");
     refused(&line("lirm train --stage 2a --from set --out e"), dir, 2, &["set"]);
     refused(&line("lirm train --stage 4 --out e"), dir, 2, &["1a"]);
-    refused(&line("lirm train --stage 1b --from m --head-gain published --out e"), dir, 2, &["--head-gain"]);
+    refused(
+        &line("lirm train --stage 1b --from m --first-values published --out e"),
+        dir,
+        2,
+        &["--first-values"],
+    );
 }
 
 #[test]
@@ -141,7 +146,7 @@ fn the_demo_reconstructs_an_object_with_a_given_model() {
     let work = tempfile::tempdir().expect("a folder");
     let dir = work.path();
     let made = json(&line("lirm init --whole --out first.safetensors --json"), dir);
-    assert_eq!(made["configuration"]["head_gain"], "larger", "{made}");
+    assert_eq!(made["configuration"]["first_values"], "scaled", "{made}");
     let record = json(&line("demo --only lirm --model first.safetensors --json -q"), dir);
     let object = &record["object"];
     assert_eq!(

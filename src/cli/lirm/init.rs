@@ -5,7 +5,7 @@ use crate::fit::field::place::Pose;
 use crate::io::safetensors::Precision;
 use crate::meter::Meter;
 use crate::{Result, claim, console as cli};
-use lastlight_lirm::model::config::{Config, HeadGain};
+use lastlight_lirm::model::config::{Config, FirstValues};
 use lastlight_lirm::model::file::{Model, digest};
 use lastlight_lirm::model::params::{count, first};
 use serde_json::json;
@@ -28,10 +28,10 @@ pub(super) const POSES: &Choices = &[
     ("first-camera", "those of the first input camera, as published"),
 ];
 
-/// Values of `--head-gain`.
-pub(super) const GAINS: &Choices = &[
-    ("published", "Xavier-uniform times 1/4"),
-    ("larger", "times 1/2 for distances and 1 for the others: colours learn from the first step on"),
+/// Values of `--first-values`.
+pub(super) const FIRST: &Choices = &[
+    ("published", "as in the paper, for a width of 1024 and a long training"),
+    ("scaled", "larger in narrow layers and heads, place tokens from their positions: for a short training"),
 ];
 
 /// Choices of a model that begins.
@@ -40,9 +40,9 @@ pub(super) struct FirstArgs {
     /// Axes of the field [default: those of the configuration]
     #[arg(long, value_name = "NAME", value_parser = choices(POSES))]
     field_axes: Option<String>,
-    /// First values of the heads [default: those of the configuration]
-    #[arg(long, value_name = "NAME", value_parser = choices(GAINS))]
-    head_gain: Option<String>,
+    /// First values of weights and tokens [default: those of the configuration]
+    #[arg(long, value_name = "NAME", value_parser = choices(FIRST))]
+    first_values: Option<String>,
 }
 
 impl FirstArgs {
@@ -53,13 +53,14 @@ impl FirstArgs {
     pub(super) fn config(&self, name: &str) -> Result<Config> {
         let named = Config::named(name)?;
         let pose = self.field_axes.as_deref().and_then(Pose::named).unwrap_or(named.pose);
-        let head_gain = self.head_gain.as_deref().and_then(HeadGain::named).unwrap_or(named.head_gain);
-        Ok(Config { pose, head_gain, ..named })
+        let first_values =
+            self.first_values.as_deref().and_then(FirstValues::named).unwrap_or(named.first_values);
+        Ok(Config { pose, first_values, ..named })
     }
 
     /// Whether there is one.
     pub(super) fn is_given(&self) -> bool {
-        self.field_axes.is_some() || self.head_gain.is_some()
+        self.field_axes.is_some() || self.first_values.is_some()
     }
 }
 

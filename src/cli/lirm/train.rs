@@ -93,7 +93,7 @@ impl Args {
             stage.steps = steps as usize;
         }
         stage.points = self.points;
-        stage.distances = self.distances;
+        stage = stage.with_distances(self.distances);
         stage.validate()?;
         Ok(Settings {
             stage,
@@ -133,7 +133,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     claim::check(&args.out, args.filling.resume, args.filling.force)?;
     if args.from.is_some() && args.choices.is_given() {
         return Err(Error::input("--from")
-            .expected("--field-axes and --head-gain only where a model begins")
+            .expected("--field-axes and --first-values only where a model begins")
             .got("a model that is there"));
     }
     let before = args.from.as_deref().map(Model::read).transpose()?;

@@ -11,7 +11,7 @@
 //! | `channels` | 32 | 16 | of planes and panoramas |
 //! | `fuse` | published | residual | how the last state enters |
 //! | `pose` | world | azimuth | axes of the field ([`Pose`]) |
-//! | `head_gain` | published | larger | first values of the heads |
+//! | `first_values` | published | scaled | [`FirstValues`] |
 //! | `whole` | | | whether it reads photos, and has materials and colours that depend on direction: stages 2 and 3 |
 
 use crate::fit::field::place::Pose;
@@ -49,28 +49,31 @@ impl Fuse {
     }
 }
 
-/// First values of the heads: Xavier-uniform times a gain.
+/// First values of weights and tokens.
 ///
-/// A network without biases passes gradients on times the product of its layers' gains. With the published ¼ the four layers of a colour head
-/// pass on about a thousandth, which costs nothing in tens of thousands of steps and most of a short training.
+/// The published ones suit a width of 1024 and a training of tens of thousands of steps. In a short training of a narrow model they cost
+/// most of it: a head without biases passes gradients on times the product of its layers' gains (a thousandth for the four layers of a
+/// colour head at a gain of ¼), weights of deviation 0.02 make the branches of a narrow block weak, and place tokens without any order
+/// have to learn one by one where they are.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum HeadGain {
-    /// ¼ for all.
+pub enum FirstValues {
+    /// Heads with a gain of ¼, other weights with a deviation of 0.02, random place tokens.
     Published,
-    /// ½ for distances, so that the first surface is still a ball; 1 for the others.
+    /// Heads with a gain of ½ (distances, so that the first surface is still about a ball) and 1, other weights with a deviation of
+    /// 0.02·√(1024/D), place tokens that are projections of their positions ([`super::places`]).
     #[default]
-    Larger,
+    Scaled,
 }
 
-impl HeadGain {
+impl FirstValues {
     /// All of them.
-    pub const ALL: [Self; 2] = [Self::Published, Self::Larger];
+    pub const ALL: [Self; 2] = [Self::Published, Self::Scaled];
 
     /// Returns the name in settings.
     pub fn name(self) -> &'static str {
         match self {
             Self::Published => "published",
-            Self::Larger => "larger",
+            Self::Scaled => "scaled",
         }
     }
 
@@ -80,11 +83,19 @@ impl HeadGain {
     }
 
     /// Returns the gain of a head.
-    pub fn of(self, head: &str) -> f32 {
+    pub(super) fn gain(self, head: &str) -> f32 {
         match self {
             Self::Published => 0.25,
-            Self::Larger if head == "sdf" => 0.5,
-            Self::Larger => 1.0,
+            Self::Scaled if head == "sdf" => 0.5,
+            Self::Scaled => 1.0,
+        }
+    }
+
+    /// Returns the deviation of other weights for a width.
+    pub(super) fn deviation(self, width: usize) -> f64 {
+        match self {
+            Self::Published => 0.02,
+            Self::Scaled => 0.02 * (1024.0 / width as f64).sqrt(),
         }
     }
 }
@@ -110,8 +121,8 @@ pub struct Config {
     pub fuse: Fuse,
     /// Axes of the field.
     pub pose: Pose,
-    /// First values of the heads.
-    pub head_gain: HeadGain,
+    /// First values of weights and tokens.
+    pub first_values: FirstValues,
     /// Whether it reads photos, and gives materials and colours that depend on direction.
     pub is_whole: bool,
 }
@@ -128,7 +139,7 @@ impl Config {
         channels: 32,
         fuse: Fuse::Published,
         pose: Pose::World,
-        head_gain: HeadGain::Published,
+        first_values: FirstValues::Published,
         is_whole: false,
     };
     /// A model that two cores can train; 5.8 million parameters.
@@ -142,7 +153,7 @@ impl Config {
         channels: 16,
         fuse: Fuse::Residual,
         pose: Pose::Azimuth,
-        head_gain: HeadGain::Larger,
+        first_values: FirstValues::Scaled,
         is_whole: false,
     };
 
@@ -246,7 +257,7 @@ impl Config {
         json!({
             "blocks": self.blocks, "width": self.width, "heads": self.heads, "planes": self.planes,
             "plane_tokens": self.plane_tokens, "embed_tokens": self.embed_tokens, "channels": self.channels,
-            "fuse": self.fuse.name(), "pose": self.pose.name(), "head_gain": self.head_gain.name(), "whole": self.is_whole,
+            "fuse": self.fuse.name(), "pose": self.pose.name(), "first_values": self.first_values.name(), "whole": self.is_whole,
         })
     }
 
@@ -282,11 +293,13 @@ impl Config {
                 .and_then(Value::as_str)
                 .and_then(Pose::named)
                 .ok_or_else(|| missing("pose", &Pose::ALL.map(Pose::name).join(", ")))?,
-            head_gain: from
-                .get("head_gain")
+            first_values: from
+                .get("first_values")
                 .and_then(Value::as_str)
-                .and_then(HeadGain::named)
-                .ok_or_else(|| missing("head_gain", &HeadGain::ALL.map(HeadGain::name).join(", ")))?,
+                .and_then(FirstValues::named)
+                .ok_or_else(|| {
+                    missing("first_values", &FirstValues::ALL.map(FirstValues::name).join(", "))
+                })?,
             is_whole: from
                 .get("whole")
                 .and_then(Value::as_bool)
@@ -327,7 +340,7 @@ mod tests {
             ("planes", json!(4)),
             ("heads", json!(3)),
             ("fuse", json!("x")),
-            ("head_gain", json!(2)),
+            ("first_values", json!(2)),
             ("width", json!(-1)),
         ] {
             let mut bad = Config::SMALL.json();

@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! config   the sizes of a model: paper, small            params   its arrays: names, shapes, first values
+//!                                                       places   first values of the planes' tokens from their positions
 //!
 //! images, rays, photos ──► nn.tokens ──────────────┐
 //!                                                       ▼
@@ -23,6 +24,7 @@ pub mod config;
 pub mod decode;
 pub mod file;
 pub mod params;
+pub mod places;
 pub mod state;
 pub mod transformer;
 pub mod weights;
@@ -30,4 +32,4 @@ pub mod weights;
 #[cfg(test)]
 mod tests;
 
-pub use config::{Config, Fuse, HeadGain};
+pub use config::{Config, FirstValues, Fuse};

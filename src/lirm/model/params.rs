@@ -4,22 +4,25 @@
 //! |---|---|---|
 //! | `tokens/image`, `tokens/rays`, `tokens/photo` | (D, 8, 8, 3 or 6) | U(±1/√inputs), U(±1/√inputs), 0 |
 //! | `tokens/bias` | (D) | 0 |
-//! | `places/planes`, `places/panoramas` | (T, D) | N(0, 1)/√(tokens of a grid) |
-//! | `fuse/w1`, `fuse/w2` | (D, 2D), (D, D) | N(0, 0.02²); `w2` of [`Fuse::Residual`] 0 |
-//! | `block/NN/qkv`, `out` | (3D, D), (D, D) | Xavier-uniform, N(0, 0.02²) |
-//! | `block/NN/fc1/v`, `fc2/v` | (4D, D), (D, 4D) | N(0, 0.02²) |
+//! | `places/planes`, `places/panoramas` | (T, D) | N(0, 1)/√(tokens of a grid); those of planes from positions ([`super::places`]) |
+//! | `fuse/w1`, `fuse/w2` | (D, 2D), (D, D) | N(0, σ²); `w2` of [`Fuse::Residual`] 0 |
+//! | `block/NN/qkv`, `out` | (3D, D), (D, D) | Xavier-uniform, N(0, σ²) |
+//! | `block/NN/fc1/v`, `fc2/v` | (4D, D), (D, 4D) | N(0, σ²) |
 //! | `unpatch/planes/v`, `unpatch/panoramas/v` | (D, 8, 8, C) | U(±1/√(64 C)) |
 //! | `…/g` | the rows of `v` | the length of each row of `v`, so that the weights are those of `v` |
 //! | `…/gain`, `…/bias` of a LayerNorm | (D) | 1, 0 |
 //! | other biases | | 0 |
-//! | `heads/NAME/L` | (outputs, inputs) | Xavier-uniform with the gain of [`HeadGain`](super::config::HeadGain) |
+//! | `heads/NAME/L` | (outputs, inputs) | Xavier-uniform with a gain of ½ (`sdf`) or 1 |
+//!
+//! The table has the values of [`FirstValues::Scaled`], where σ is 0.02·√(1024/D). [`FirstValues::Published`] has σ = 0.02, random place tokens, and a gain of ¼.
 //!
 //! A plain model has heads for distance, colour and normal; a whole one also reads photos, and has heads for albedo, material
 //! and ρ, and a colour head that reads the embedding. [`extended`] makes a whole model of a plain one, which computes the same colours.
 //!
 //! In the attention's first matrix the first D rows give the queries. Xavier's bound is that of the whole matrix, as in PyTorch.
 
-use super::config::{Config, Fuse, HIDDEN, PATCH};
+use super::config::{Config, FirstValues, Fuse, HIDDEN, PATCH};
+use super::places;
 use crate::num::array::entries;
 use crate::optim::initial::Initial;
 use crate::tape::Params;
@@ -28,8 +31,6 @@ use ndarray::{ArrayD, Axis, IxDyn, Slice};
 
 /// Purpose of the first values; the step is the number of the array's name.
 const PURPOSE: u16 = 0x0550;
-/// Standard deviation of weights.
-const DEVIATION: f64 = 0.02;
 /// Channels per pixel of image, rays and photo.
 const INPUTS: [(&str, usize); 3] = [("image", 3), ("rays", 6), ("photo", 3)];
 
@@ -44,6 +45,8 @@ enum First {
     Uniform(f64),
     /// Xavier-uniform with this gain.
     Xavier(f32),
+    /// From the positions of the planes' tokens.
+    Positions,
 }
 
 /// An array of a model.
@@ -102,7 +105,7 @@ pub(super) fn widths([inputs, hidden, outputs]: [usize; 3]) -> Vec<usize> {
 }
 
 fn declared(c: &Config) -> Vec<Declared> {
-    let d = c.width;
+    let (d, deviation) = (c.width, c.first_values.deviation(c.width));
     let mut list = List::default();
     for (name, channels) in INPUTS {
         let bound = 1.0 / ((PATCH * PATCH * channels) as f64).sqrt();
@@ -116,14 +119,18 @@ fn declared(c: &Config) -> Vec<Declared> {
     list.norm("tokens/norm", d);
     let grids = [("planes", c.tokens()[0], c.plane_tokens), ("panoramas", c.tokens()[1], c.embed_tokens)];
     for (name, tokens, side) in grids.into_iter().filter(|g| g.1 > 0) {
-        list.put(format!("places/{name}"), &[tokens, d], First::Normal(1.0 / side as f64));
+        let place = match c.first_values {
+            FirstValues::Scaled if name == "planes" => First::Positions,
+            _ => First::Normal(1.0 / side as f64),
+        };
+        list.put(format!("places/{name}"), &[tokens, d], place);
         let bound = 1.0 / ((PATCH * PATCH * c.channels) as f64).sqrt();
         list.put(format!("unpatch/{name}/v"), &[d, PATCH, PATCH, c.channels], First::Uniform(bound));
         list.put(format!("unpatch/{name}/bias"), &[c.channels], First::Constant(0.0));
     }
-    list.linear("fuse/w1", [d, 2 * d], First::Normal(DEVIATION));
+    list.linear("fuse/w1", [d, 2 * d], First::Normal(deviation));
     let last = match c.fuse {
-        Fuse::Published => First::Normal(DEVIATION),
+        Fuse::Published => First::Normal(deviation),
         Fuse::Residual => First::Constant(0.0),
     };
     list.linear("fuse/w2", [d, d], last);
@@ -131,17 +138,17 @@ fn declared(c: &Config) -> Vec<Declared> {
         let name = |part: &str| format!("block/{b:02}/{part}");
         list.norm(&name("norm1"), d);
         list.linear(&name("qkv"), [3 * d, d], First::Xavier(1.0));
-        list.linear(&name("out"), [d, d], First::Normal(DEVIATION));
+        list.linear(&name("out"), [d, d], First::Normal(deviation));
         list.norm(&name("norm2"), d);
         for (part, shape) in [("fc1", [4 * d, d]), ("fc2", [d, 4 * d])] as [(&str, [usize; 2]); 2] {
-            list.put(name(&format!("{part}/v")), &shape[..], First::Normal(DEVIATION));
+            list.put(name(&format!("{part}/v")), &shape[..], First::Normal(deviation));
             list.put(name(&format!("{part}/bias")), &shape[..1], First::Constant(0.0));
         }
     }
     list.norm("norm", d);
     for (name, sizes) in heads(c) {
         for (l, n) in widths(sizes).windows(2).enumerate() {
-            list.put(format!("heads/{name}/{l}"), &[n[1], n[0]], First::Xavier(c.head_gain.of(name)));
+            list.put(format!("heads/{name}/{l}"), &[n[1], n[0]], First::Xavier(c.first_values.gain(name)));
         }
     }
     list.0
@@ -167,6 +174,9 @@ pub fn first(c: &Config, seed: u64) -> Params {
             First::Normal(deviation) => draws.normal(&shape, deviation),
             First::Uniform(bound) => draws.uniform_f64(&shape, bound),
             First::Xavier(gain) => draws.xavier_uniform(&shape, gain),
+            First::Positions => {
+                places::first(c, &Initial::named(seed, PURPOSE, &format!("{name}/directions")))
+            }
         };
         if let Some(row) = name.strip_suffix("/v") {
             params.set(&format!("{row}/g"), lengths(&array));
@@ -256,7 +266,7 @@ mod tests {
         let row = v.index_axis(Axis(0), 7);
         let length = row.iter().fold(0.0, |s, x| s + f64::from(*x) * f64::from(*x)).sqrt();
         assert!((f64::from(g[7]) - length).abs() < 1e-7 * length);
-        assert!((length / (DEVIATION * 16.0) - 1.0).abs() < 0.3, "√256 times the deviation: {length}");
+        assert!((length / (0.04 * 16.0) - 1.0).abs() < 0.3, "√256 times the deviation: {length}");
     }
 
     #[test]

@@ -10,7 +10,8 @@
 //! | 3 | the same | 1–3 | 128 | 100 → 125 | 128², 48² | 400 | 2·10⁻⁵ → 0 |
 //!
 //! The rate rises linearly over the first hundred steps (twenty in stage 3) to the first number, and falls along a cosine to the second. 1/β is
-//! linear; in stage 1a it doubles while the rate rises, and is linear from there. Stages 2 and 3 train all heads and read photos; albedo is compared up to one factor per object. Stage 3 compares numerical normals too, takes samples
+//! linear; in stage 1a it doubles while the rate rises, and is linear from there. With signed distances it goes from 30 to 60 during this warm-up
+//! and stays at 60 until stage 2 ([`Stage::with_distances`]). Stages 2 and 3 train all heads and read photos; albedo is compared up to one factor per object. Stage 3 compares numerical normals too, takes samples
 //! in occupied cells only, and ends rays that are opaque. Objects of a stage follow those of the one before.
 
 use crate::lirm::model::decode::{EARLY_STOP, LEAST_WEIGHT, Look};
@@ -25,6 +26,8 @@ pub const VIEWS: usize = 20;
 pub const SIDE: usize = 128;
 /// Batches that an object is in.
 pub const USES: usize = 12;
+/// 1/β at which the first stages end: beyond it, 64 samples along the diagonal are too few.
+const SHARP: f32 = 60.0;
 /// Names of the versions of an object, as in a set.
 pub const VERSIONS: [&str; 3] = ["uniform", "environment", "shiny"];
 
@@ -123,6 +126,19 @@ impl Stage {
         })
     }
 
+    /// The stage with a weight of signed distances.
+    ///
+    /// These have a gradient at every point, so that the first stages need no fog for it: 1/β begins at 30 and is 60 from the end of the
+    /// warm-up on, where the field is as wide as the surface allows.
+    #[must_use]
+    pub fn with_distances(mut self, weight: f32) -> Self {
+        self.distances = weight;
+        if weight > 0.0 && !self.is_whole {
+            self.inverse_beta = [if self.is_first { 30.0 } else { SHARP }, SHARP];
+        }
+        self
+    }
+
     /// Checks the ranges.
     ///
     /// # Errors
@@ -217,6 +233,9 @@ mod tests {
         assert!((all[0].rate(2199) - 3.5e-4).abs() < 1e-8, "and falls");
         let sharp = [0, 50, 100, 2199].map(|step| all[0].look(step).inverse_beta);
         assert_eq!(sharp, [10.0, 15.0, 20.0, 40.0], "it doubles while the rate rises");
+        let sharp = all[0].clone().with_distances(10.0);
+        assert_eq!([0, 100, 2199].map(|step| sharp.look(step).inverse_beta), [30.0, 60.0, 60.0]);
+        assert_eq!(all[3].clone().with_distances(10.0).inverse_beta, all[3].inverse_beta, "already sharp");
         assert_eq!([0, 2199].map(|step| all[1].look(step).inverse_beta), [40.0, 60.0]);
         assert!(Stage::named("4").is_err());
     }
