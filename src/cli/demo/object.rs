@@ -119,7 +119,7 @@ pub(super) fn run(args: &Args, dir: &Path, meter: &mut Meter) -> Result<Outcome>
     };
     let lines = vec![
         format!("PSNR        {} after {SET} images, {} after {}", decibel(db(0)), decibel(db(1)), 2 * SET),
-        format!("digest      {}", super::text(&record["digest"])),
+        format!("digest      {}", record["digest"].as_str().unwrap_or_default()),
         format!("mesh        {}", dir.join("mesh.glb").display()),
     ];
     Ok(Outcome { record, page: Some(page), lines, held_out_db: db(1) })

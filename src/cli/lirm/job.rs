@@ -73,7 +73,7 @@ pub(crate) struct Job<'a> {
     pub(crate) sets: Vec<Vec<usize>>,
     pub(crate) size: Size,
     pub(crate) look: Look,
-    /// What the record says of the settings.
+    /// The settings in the record.
     pub(crate) settings: Value,
 }
 

@@ -1,6 +1,6 @@
-//! First values of the place tokens of planes, from the positions that they stand for.
+//! First values of the place tokens of planes, from the positions of their texels.
 //!
-//! A token of 8×8 texels stands for a column of space: two coordinates are those of the middle of its square, the third is that of its
+//! The 8×8 texels of a token hold features of a column of space: two coordinates of its position are those of the middle of its square, the third is that of its
 //! side, ±½, or 0 for a plane of a tri-plane. With x in −1..1 its features φ are
 //!
 //! one of P for its plane;   x, y, z;   0.7·sin and cos of πx/2, πy/2, πz/2;   0.5·sin and cos of πx, πy, πz
@@ -22,7 +22,7 @@ const WAVES: [(f64, f64); 2] = [(0.5, 0.7), (1.0, 0.5)];
 /// The axes of the rows and columns of a pair of planes, and the one that it lacks.
 const AXES: [[usize; 3]; 3] = [[0, 1, 2], [0, 2, 1], [1, 2, 0]];
 
-/// The middle of the space that a token stands for.
+/// The position of a token.
 fn position(c: &Config, plane: usize, [row, column]: [usize; 2]) -> [f64; 3] {
     let (pair, third) = if c.planes == 6 { (plane / 2, plane % 2) } else { (plane, 2) };
     let [first, second, other] = AXES[pair];
