@@ -51,8 +51,8 @@ impl Fuse {
 
 /// First values of weights and tokens.
 ///
-/// The published ones suit a width of 1024 and a training of tens of thousands of steps. In a short training of a narrow model they cost
-/// most of it: a head without biases passes gradients on times the product of its layers' gains (a thousandth for the four layers of a
+/// The published ones suit a width of 1024 and a training of tens of thousands of steps. In a short training of a narrow model they slow
+/// down the first hundreds of steps: a head without biases passes gradients on times the product of its layers' gains (a thousandth for the four layers of a
 /// colour head at a gain of ¼), weights of deviation 0.02 make the branches of a narrow block weak, and place tokens without any order
 /// have to learn one by one where they are.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

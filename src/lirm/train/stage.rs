@@ -129,7 +129,7 @@ impl Stage {
     /// The stage with a weight of signed distances.
     ///
     /// These have a gradient at every point, so that the first stages need no fog for it: 1/β begins at 30 and is 60 from the end of the
-    /// warm-up on, where the field is as wide as the surface allows.
+    /// warm-up on.
     #[must_use]
     pub fn with_distances(mut self, weight: f32) -> Self {
         self.distances = weight;
