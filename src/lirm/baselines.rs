@@ -5,8 +5,8 @@
 //! | nearest view | the input image whose camera is in the direction nearest to that of the wanted one, unchanged |
 //! | hull | the visual hull of the inputs (a point is in it if no input shows it as background), coloured with the mean of the inputs that show the point |
 //!
-//! A point of the hull's surface is seen by an input if the hull does not begin more than [`SLACK`] in front of it. Both know the true
-//! foreground, as the model does.
+//! A point of the hull's surface is seen by an input if the hull does not begin more than [`SLACK`] in front of it. Both are given the true
+//! foreground, as the model is.
 
 use super::views::View;
 use crate::num::{order, par};

@@ -7,6 +7,7 @@
 //! | name | of an output, then mean over outputs | |
 //! |---|---|---|
 //! | `psnr_db`, `nearest_db`, `hull_db` | PSNR over white: model, nearest input, visual hull | dB |
+//! | `small_hull_db` | the same of the visual hull of the images of 64² that the model reads; the other baselines have those of 128² | dB |
 //! | `ssim` | structural similarity | |
 //! | `foreground_iou`, `hull_iou` | pixels that are covered in both / in one, by half or more | |
 //! | `numerical_normals_deg` | angle of numerical normals | degrees |
@@ -240,14 +241,15 @@ pub fn views(
     let (order, at) = (order_of(p, k), axes(ready, p, k, views)?);
     let mut state = ready.no_state();
     let mut scored = Scores { object: k, rounds: Vec::new(), images: Vec::new() };
+    let small = views.small(SIDES[0] / SIDES[1])?;
     for (round, set) in inputs(ready, p, k, views, other)?.iter().enumerate() {
         if p.control == Control::ZeroedState {
             state = ready.no_state();
         }
         state = ready.read(&state, set, None).0;
         let (mut numbers, image) = state_and_image(ready, p, (&state, at), k, views)?;
-        let so_far: Vec<&View> = order[..SET * (round + 1)].iter().map(|i| &views.all[*i]).collect();
-        numbers.extend(baselines(p, k, views, &so_far)?);
+        let so_far = |of: &'_ Views| order[..SET * (round + 1)].iter().map(|i| of.all[*i].clone()).collect();
+        numbers.extend(baselines(p, k, views, [so_far(views), so_far(&small)])?);
         scored.rounds.push(numbers);
         scored.images.push(image);
     }
@@ -259,9 +261,10 @@ fn averaged(all: BTreeMap<&'static str, Vec<f64>>) -> Numbers {
     all.into_iter().map(|(name, x)| (name, sum::tree_f64(&x) / x.len() as f64)).collect()
 }
 
-/// The scores of the nearest input and of the hull of some inputs.
-fn baselines(p: &Protocol, k: u64, views: &Views, so_far: &[&View]) -> Result<Numbers> {
-    let hull = Hull::new(so_far);
+/// The scores of the nearest input and of the hull of some inputs, in full and as the model reads them.
+fn baselines(p: &Protocol, k: u64, views: &Views, so_far: [Vec<View>; 2]) -> Result<Numbers> {
+    let [so_far, small] = so_far.each_ref().map(|views| views.iter().collect::<Vec<&View>>());
+    let [hull, small] = [&so_far, &small].map(|views| Hull::new(views));
     let mut all: BTreeMap<&'static str, Vec<f64>> = BTreeMap::new();
     for i in outputs_of(p, k) {
         let truth = views.target(i);
@@ -271,8 +274,9 @@ fn baselines(p: &Protocol, k: u64, views: &Views, so_far: &[&View]) -> Result<Nu
         };
         let (carved, covered) = hull.image(&truth.camera);
         let mut put = |name: &'static str, x: f64| all.entry(name).or_default().push(x);
-        put("nearest_db", db(&nearest(so_far, &truth.camera).picture.color)?);
+        put("nearest_db", db(&nearest(&so_far, &truth.camera).picture.color)?);
         put("hull_db", db(&carved)?);
+        put("small_hull_db", db(&small.image(&truth.camera).0)?);
         put("hull_iou", overlap(&covered, &truth.foreground));
     }
     Ok(averaged(all))
