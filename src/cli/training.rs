@@ -79,7 +79,8 @@ impl Frame {
                 meter.note(&format!("resuming after iteration {} of {}", history.len(), fit.iterations()));
             }
         }
-        if self.keeps_arguments && start != Start::Resumed {
+        // Also of a run that goes on: how far it goes may have changed.
+        if self.keeps_arguments && (start != Start::Resumed || history.len() < fit.iterations()) {
             let record = json!({ "lastlight": env!("CARGO_PKG_VERSION"), like::ARGUMENTS: cli::kept() });
             atomic::write_bytes(&self.file(like::COMMAND), format!("{record:#}\n").as_bytes())?;
         }

@@ -33,6 +33,25 @@ fn a_model_reads_images_and_more_of_them() {
     );
     assert_eq!(next["stages"], serde_json::json!(["1a", "2a"]));
     assert_eq!(next["settings"]["whole"], true);
+    let parts = line(
+        "lirm train --stage 1b --steps 2 --until 1 --batch 1 --objects-at-once 1 --from m --out p --json -q",
+    );
+    assert_eq!(json(&parts, dir)["stages"], serde_json::json!(["1a", "1b to step 1 of 2"]));
+    let copied = line(
+        "lirm train --stage 1b --steps 2 --until 1 --batch 1 --objects-at-once 1 --from m --out p2 --json -q",
+    );
+    assert_eq!(json(&copied, dir)["stages"], serde_json::json!(["1a", "1b to step 1 of 2"]));
+    // The same folder can go on too, with the moments of its checkpoint.
+    let whole = json(&line("lirm train --resume --until 2 --out p2 --json -q"), dir);
+    assert_eq!((&whole["stages"], &whole["iterations"]), (&serde_json::json!(["1a", "1b"]), &2.into()));
+    refused(&line("lirm train --resume --until 1 --out p2"), dir, 2, &["at most 1 iterations", "2"]);
+    let rest =
+        line("lirm train --stage 1b --steps 2 --batch 1 --objects-at-once 1 --from p --out q --json -q");
+    let rest = json(&rest, dir);
+    assert_eq!(rest["stages"], serde_json::json!(["1a", "1b"]));
+    assert_eq!((&rest["iterations"], &rest["settings"]["first_step"]), (&1.into(), &1.into()));
+    let other = line("lirm train --stage 1b --steps 3 --batch 1 --objects-at-once 1 --from p --out r");
+    refused(&other, dir, 2, &["--steps", "2, as in the part before of stage 1b"]);
 
     let capture = "set/object_00000/uniform";
     let one = json(
@@ -138,6 +157,7 @@ fn scores_stand_beside_baselines() {
     assert_eq!(rounds.len(), 4);
     let of = |r: usize, key: &str| rounds[r][key].as_f64().expect("a number");
     assert!(of(0, "hull_db") > of(0, "psnr_db"), "a model after one step is worse than the hull: {rounds:?}");
+    assert!((of(0, "small_hull_db") - of(0, "hull_db")).abs() < 2.0, "of smaller images: {rounds:?}");
     assert!(of(3, "hull_db") > of(0, "hull_db") && of(3, "nearest_db") > of(0, "nearest_db"), "{rounds:?}");
 }
 
@@ -164,7 +184,6 @@ fn the_demo_reconstructs_an_object_with_a_given_model() {
     for file in ["first/state.safetensors", "second/field.safetensors", "mesh.glb", "relit.png"] {
         assert!(dir.join("demo/object").join(file).is_file(), "{file}");
     }
-    refused(&line("demo --only lirm"), dir, 2, &["--model"]);
 }
 
 #[test]
@@ -185,7 +204,24 @@ fn a_study_runs_and_its_report_can_be_made_again() {
     assert_eq!(again["experiments"], study["experiments"], "from the files");
     let listed = json(&line("lirm study list --json"), dir);
     assert_eq!(listed["experiments"].as_array().map(Vec::len), Some(9));
-    refused(&line("lirm study --out s"), dir, 2, &["--model"]);
+}
+
+#[test]
+fn the_included_model_is_the_default() {
+    let work = tempfile::tempdir().expect("a folder");
+    let dir = work.path();
+    let scores = json(&line("lirm eval --objects 1 --sets 1 --samples 1 --steps 16 --json -q"), dir);
+    assert_eq!(scores["model"], "objects64.safetensors");
+    let set = "lirm gen --cameras test --size 64 --samples 1 --texture 32 --out set -q";
+    assert!(lastlight(&line(set), dir).status.success(), "a set");
+    let capture = "set/object_00000/uniform";
+    let made = json(&line(&format!("lirm reconstruct {capture} --images-per-set 8 --out r --json -q")), dir);
+    assert_eq!(made["settings"]["model"], "objects64.safetensors");
+    assert_eq!(made["sets"], serde_json::json!([8, 8]));
+    let o = lastlight(&line(&format!("lirm update r {capture} --out u")), dir);
+    assert!(o.status.success(), "a state of the included model");
+    let note = String::from_utf8_lossy(&o.stderr).into_owned();
+    assert!(note.contains("objects64.safetensors, trained in stages 1a"), "how far it has come: {note}");
 }
 
 #[test]

@@ -40,7 +40,7 @@ struct Session {
 const SCENE: &[&str] = &["oracle mint splat.render --out cases"];
 const SMALL_FIT: &str = "splat fit PHOTOS --out fit --iterations 30 --initial 200";
 
-const SESSIONS: [Session; 7] = [
+const SESSIONS: [Session; 8] = [
     Session {
         setup: &[],
         lines: &[
@@ -167,6 +167,24 @@ const SESSIONS: [Session; 7] = [
                 "field relight object.glb --env studio --cameras orbit:2 --size 16 --samples 1 --out relit",
             ),
             ("lastlight mesh view object.glb --out page", "mesh view object.glb --out page"),
+        ],
+    },
+    Session {
+        setup: &[],
+        lines: &[
+            (
+                "lastlight lirm gen --cameras test --size 128 --seed 2 --out unseen",
+                "lirm gen --cameras test --size 64 --seed 2 --out unseen --samples 1 --texture 32",
+            ),
+            (
+                "lastlight lirm reconstruct unseen/object_00000/uniform --inputs 0017,0025,0035,0043 --out r1",
+                "lirm reconstruct unseen/object_00000/uniform --inputs 0017,0025,0035,0043 --out r1 --samples 16",
+            ),
+            (
+                "lastlight lirm update r1 unseen/object_00000/uniform --inputs 0020,0029,0038,0046 --out r2",
+                "lirm update r1 unseen/object_00000/uniform --inputs 0020,0029,0038,0046 --out r2 --samples 16",
+            ),
+            ("lastlight lirm eval --objects 3", "lirm eval --objects 1 --sets 1 --samples 1 --steps 16"),
         ],
     },
     Session {

@@ -1,30 +1,42 @@
-//! The model included in the program: it is the one described in `reference/weights/README.md`, and the
-//! commands listed there produce it.
+//! The models included in the program: they are the ones described in `reference/weights/README.md`, and the
+//! commands listed there produce them.
 
 use crate::common::long;
-use crate::program::{code, lastlight, stderr};
+use crate::program::{code, json, lastlight, stderr};
+use lastlight::io::safetensors::Precision;
 use lastlight::last::model::encoder::Input;
 use lastlight::last::model::file::Trained;
 use lastlight::last::model::shipped;
+use lastlight::lirm::model::file::{Model, digest};
+use lastlight::lirm::model::{Config, shipped as objects};
+use lastlight::lirm::train::stage::NAMES;
 
-/// What is shipped is at most this large.
+/// The image-to-point model is at most this large.
 const MOST_BYTES: usize = 4 << 20;
+/// And LIRM's.
+const MOST_BYTES_OF_OBJECTS: usize = 12 << 20;
 
 const README: &str = include_str!("../../reference/weights/README.md");
 
 /// The digest in the table of the page.
-fn recorded() -> &'static str {
-    let row = README.lines().find(|l| l.starts_with("| `figure64.safetensors`")).expect("a row of the table");
+fn recorded(file: &str) -> &'static str {
+    let row = README.lines().find(|l| l.starts_with(&format!("| `{file}`"))).expect("a row of the table");
     let digest = row.split('`').nth(3).expect("a digest in code style");
     assert_eq!(digest.len(), 16, "16 hexadecimal digits: {digest}");
     digest
+}
+
+/// The commands of the page that begin like this.
+fn commands(start: &str) -> Vec<Vec<&'static str>> {
+    let all = README.lines().filter_map(|l| l.strip_prefix("lastlight "));
+    all.filter(|l| l.starts_with(start)).map(|l| l.split_whitespace().collect()).collect()
 }
 
 #[test]
 fn the_shipped_model_is_the_recorded_one() {
     assert!(shipped::BYTES.len() <= MOST_BYTES, "{} bytes, at most {MOST_BYTES}", shipped::BYTES.len());
     let trained = shipped::figure().expect("a model");
-    assert_eq!(trained.digest().expect("no NaN"), recorded(), "the digest of its page");
+    assert_eq!(trained.digest().expect("no NaN"), recorded(shipped::NAME), "the digest of its page");
     let Input::Picture { side } = trained.model.encoder.input() else { panic!("a model of images") };
     assert!(side == 64, "pictures of 64 pixels");
     assert_eq!((trained.model.sizes.factors, trained.settings.width), (4, 4), "four factors of four numbers");
@@ -37,13 +49,70 @@ fn the_commands_of_its_page_make_it() {
         return;
     }
     let dir = tempfile::tempdir().expect("a temporary folder");
-    let commands: Vec<&str> = README.lines().filter_map(|l| l.strip_prefix("lastlight ")).collect();
+    let commands = commands("last ");
     assert_eq!(commands.len(), 2, "gen and pretrain: {commands:?}");
-    for command in commands {
-        let words: Vec<&str> = command.split_whitespace().collect();
+    for words in commands {
         let o = lastlight(&words, dir.path());
-        assert_eq!(code(&o), 0, "{command}: {}", stderr(&o));
+        assert_eq!(code(&o), 0, "{words:?}: {}", stderr(&o));
     }
     let made = Trained::read(&dir.path().join("model/model.safetensors")).expect("a model");
-    assert_eq!(made.digest().expect("no NaN"), recorded(), "the same bits");
+    assert_eq!(made.digest().expect("no NaN"), recorded(shipped::NAME), "the same bits");
+}
+
+/// Rows of the table of LIRM's trainings: stage, steps, digests of the weights before and after.
+fn trainings() -> Vec<[&'static str; 4]> {
+    let rows =
+        README.lines().filter(|l| l.starts_with("| 1") || l.starts_with("| 2") || l.starts_with("| 3"));
+    let cells = |row: &'static str| -> [&'static str; 4] {
+        let cells: Vec<&str> = row.split('|').map(|cell| cell.trim().trim_matches('`')).collect();
+        [cells[1], cells[2], cells[3], cells[4]]
+    };
+    rows.map(cells).collect()
+}
+
+#[test]
+fn the_shipped_model_of_objects_is_the_recorded_one() {
+    let bytes = objects::BYTES.len();
+    assert!(bytes <= MOST_BYTES_OF_OBJECTS, "{bytes} bytes, at most {MOST_BYTES_OF_OBJECTS}");
+    let model = objects::objects().expect("a model");
+    assert_eq!(digest(&model.params), recorded(objects::NAME), "the digest of its page");
+    assert_eq!(Config { is_whole: false, ..model.config }, Config::SMALL);
+    let rows = trainings();
+    assert_eq!(rows.len(), model.training.len(), "a row for each part of the training");
+    assert_eq!(rows.len(), commands("lirm train").len(), "and a command");
+    assert_eq!(rows.last().expect("at least one")[3], recorded(objects::NAME), "the last part made it");
+    for (part, [stage, steps, start, _]) in model.training.iter().zip(&rows) {
+        let [first, last] = part.range;
+        assert_eq!((part.stage.as_str(), part.start.as_str()), (*stage, *start), "{part:?}");
+        assert_eq!(*steps, format!("{first}–{last} of {}", part.steps), "{part:?}");
+    }
+    for pair in rows.windows(2).filter(|pair| !(pair[0][0] == "1c" && pair[1][0] == "2a")) {
+        assert_eq!(pair[0][3], pair[1][2], "every part begins with the result of the one before it");
+    }
+}
+
+#[test]
+fn first_steps_of_its_stages_have_the_recorded_digests() {
+    if !long("the first step of each stage of LIRM's small model, a minute each") {
+        return;
+    }
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    // Without its history, so that a stage that is not complete begins anew.
+    let model = Model { training: Vec::new(), ..objects::objects().expect("a model") };
+    model.write(&dir.path().join(objects::NAME), Precision::Half).expect("written");
+    let rows: Vec<&str> = README.lines().filter(|l| l.starts_with("| first step of ")).collect();
+    assert_eq!(rows.len(), NAMES.len(), "one for each stage");
+    for (stage, row) in NAMES.iter().zip(rows) {
+        let mut words = vec!["lirm", "train", "--stage", stage, "--until", "1", "--objects-at-once", "8"];
+        words.extend(["--distances", "10", "--out", stage, "--json", "-q"]);
+        if *stage != "1a" {
+            words.extend(["--from", objects::NAME]);
+        }
+        let record = json(&words, dir.path());
+        let digest = record["digest"].as_str().expect("a digest");
+        assert!(
+            row.contains(&format!("`{stage}`")) && row.contains(&format!("`{digest}`")),
+            "{digest}: {row}"
+        );
+    }
 }

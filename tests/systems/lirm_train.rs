@@ -11,6 +11,7 @@ use lastlight::lirm::train::stage::Stage;
 use lastlight::lirm::train::stored::Stored;
 use lastlight::lirm::train::{Settings, Training};
 use lastlight::lirm::views::Views;
+use lastlight::num::order;
 use lastlight::num::par::with_threads;
 use std::collections::BTreeMap;
 use std::sync::Mutex;
@@ -106,6 +107,49 @@ fn a_resumed_training_is_the_uninterrupted_one() {
     let mut other = Training::new(other, TINY, None, &source).expect("valid");
     let e = resume(&mut other, &path).expect_err("another batch").to_string();
     assert!(e.contains("batch"), "{e}");
+}
+
+#[test]
+fn a_stage_goes_on_after_its_first_part() {
+    let source = Kept::new();
+    let made = |from| Training::new(settings("1a", 40), TINY, from, &source).expect("valid");
+    let mut usual = made(None);
+    let losses: Vec<f32> = (0..4).map(|i| usual.step(i, &mut ()).expect("finite").loss).collect();
+
+    let mut one = made(None);
+    one.stop_after(3).expect("a step of the stage");
+    assert_eq!(one.iterations(), 3);
+    whole(&mut one);
+    let part = one.part();
+    assert_eq!((part.range, part.is_last(), part.label()), ([0, 3], false, "1a to step 3 of 40".to_owned()));
+
+    let mut two = made(Some(one.params()));
+    two.continue_from(&part).expect("the same settings");
+    assert_eq!(two.iterations(), 37);
+    let before = two.params().clone();
+    let step = two.step(0, &mut ()).expect("finite");
+    assert_eq!(step.loss, losses[3], "the draws and the 1/β of the step of the whole stage");
+    let moved = two.params().get("norm/gain").expect("an array");
+    let largest = before.get("norm/gain").expect("an array").iter().zip(moved).map(|(a, b)| (a - b).abs());
+    let largest = largest.fold(0.0, order::max);
+    assert!(
+        (largest - 5e-4 / 20.0).abs() < 2e-6,
+        "the first step of a rate that rises over twenty: {largest}"
+    );
+
+    for last in [0, 3, 41] {
+        let e = two.stop_after(last).expect_err("made already, or not a step").to_string();
+        assert!(e.contains("--until") && e.contains("4 to 40"), "{e}");
+    }
+    for (name, other) in [
+        ("--seed", Settings { seed: 1, ..settings("1a", 40) }),
+        ("--steps", settings("1a", 41)),
+        ("--objects-at-once", Settings { block: 3, ..settings("1a", 40) }),
+    ] {
+        let mut other = Training::new(other, TINY, Some(one.params()), &source).expect("valid");
+        let e = other.continue_from(&part).expect_err("another setting").to_string();
+        assert!(e.contains(name) && e.contains("part before of stage 1a"), "{e}");
+    }
 }
 
 #[test]

@@ -41,7 +41,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let dir = claim::folder(dir, false, args.force || is_ours)?;
     let wants = |part: &str| args.only.as_ref().is_none_or(|only| only == part);
     let person = timed(&mut meter, wants("last"), |meter| person::run(args, &dir, meter))?;
-    let has_object = wants("lirm") && args.model.is_some();
+    let has_object = args.only.as_deref() == Some("lirm") || args.only.is_none() && args.model.is_some();
     let object = timed(&mut meter, has_object, |meter| object::run(args, &dir.join("object"), meter))?;
     let scene = timed(&mut meter, wants("splat"), |meter| scene::run(args, &dir.join("scene"), meter))?;
     let held_out = |part: &Option<Outcome>| part.as_ref().map(|p| p.held_out_db);

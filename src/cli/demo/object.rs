@@ -32,7 +32,6 @@ use data_gen::cameras;
 use lastlight_lirm::r#gen::{self as set, Lighting, Set, Settings as Making};
 use lastlight_lirm::model::decode::Look;
 use lastlight_lirm::model::file::Model;
-use lastlight_lirm::train::stage::last_inverse_beta;
 use maud::html;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -57,8 +56,7 @@ const DIRECTIONS: usize = 8;
 
 /// Renders, reconstructs, improves, relights, in a folder.
 pub(super) fn run(args: &Args, dir: &Path, meter: &mut Meter) -> Result<Outcome> {
-    let path = args.model.as_deref().expect("a part that is wanted has its model");
-    let model = Model::read(path)?;
+    let (model, model_name) = crate::lirm::weights::model(args.model.as_deref(), meter)?;
     let (capture, truth) = images(&model, &dir.join("objects"), meter)?;
     let pictures = Pictures::load(&capture, &crate::field::read::options(1, false), None)?;
     let sets = cameras::test(SEED, OBJECT, SIDE).inputs;
@@ -73,8 +71,8 @@ pub(super) fn run(args: &Args, dir: &Path, meter: &mut Meter) -> Result<Outcome>
             pictures: &pictures,
             sets: vec![set.to_vec()],
             size: Size::Usual,
-            look: Look::of_field(STEPS, last_inverse_beta(&model.stages)),
-            settings: json!({ "capture": capture, "model": path }),
+            look: Look::of_field(STEPS, model.inverse_beta()),
+            settings: json!({ "capture": capture, "model": model_name }),
         };
         let place = job.place(&start, meter)?;
         let dir = folder(dir.join(name))?;
@@ -105,7 +103,7 @@ pub(super) fn run(args: &Args, dir: &Path, meter: &mut Meter) -> Result<Outcome>
         note: format!("after {} images; {} after {SET}", 2 * SET, decibel(db(0))),
     };
     let record = json!({
-        "digest": second.outcome.record["digest"], "rounds": rounds, "stages": model.stages, "seconds": meter.seconds(),
+        "digest": second.outcome.record["digest"], "rounds": rounds, "stages": model.stages(), "seconds": meter.seconds(),
         "triangles": baked.object.mesh.triangles.len(),
     });
     let page = Page {

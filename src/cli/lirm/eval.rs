@@ -1,5 +1,6 @@
 //! `lirm eval`: a model on built-in objects that it was not trained on.
 
+use super::weights;
 use crate::Result;
 use crate::choices::{Choices, choices};
 use crate::console as cli;
@@ -7,9 +8,7 @@ use crate::fit::training::Watch;
 use crate::meter::Meter;
 use lastlight_lirm::evaluate::{self, Control, Order, Protocol};
 use lastlight_lirm::model::decode::Look;
-use lastlight_lirm::model::file::Model;
 use lastlight_lirm::model::weights::Ready;
-use lastlight_lirm::train::stage::last_inverse_beta;
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
@@ -24,9 +23,10 @@ const ORDERS: &Choices =
     &[("random", "in a random order"), ("sequential", "around the object: every set shows one side")];
 
 /// Numbers that are printed: name, title, digits.
-const COLUMNS: [(&str, &str, usize); 15] = [
+const COLUMNS: [(&str, &str, usize); 16] = [
     ("psnr_db", "PSNR", 2),
     ("hull_db", "hull", 2),
+    ("small_hull_db", "at 64²", 2),
     ("nearest_db", "nearest", 2),
     ("ssim", "SSIM", 3),
     ("foreground_iou", "IoU", 3),
@@ -53,15 +53,15 @@ const CONTROLS: &Choices = &[
 /// Score a LIRM model on built-in objects, after every set of four images.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
-  lastlight lirm eval s1c                                   24 objects of seed 2
+  lastlight lirm eval                                       24 objects of seed 2
   lastlight lirm eval s1c --seed 1 --objects 8              for choices
   lastlight lirm eval s3 --light environment --input-order sequential
 
-Every object has 48 views (lirm gen --cameras test): 16 inputs in four sets, read at 64x64, and 12 outputs, compared at 128x128. Beside the model stand two baselines that know the same foreground: the nearest input image, and the visual hull of the inputs with their mean colours; beside materials, the means of training objects. PSNR in dB over white; IoU of foregrounds; angles in degrees; distances of surfaces in radii of the object; means over outputs, then objects.")]
+Every object has 48 views (lirm gen --cameras test): 16 inputs in four sets, read at 64x64, and 12 outputs, compared at 128x128. Beside the model stand two baselines that are given the same foreground, with images of 128x128: the nearest input image, and the visual hull of the inputs with their mean colours, which is also made of the 64x64 that the model reads; beside materials, the means of training objects. PSNR in dB over white; IoU of foregrounds; angles in degrees; distances of surfaces in radii of the object; means over outputs, then objects.")]
 pub(crate) struct Args {
-    /// Model, or the folder of a training
+    /// Model, or the folder of a training [default: the included model]
     #[arg(value_name = "FILE")]
-    model: PathBuf,
+    model: Option<PathBuf>,
     /// Number of objects
     #[arg(long, value_name = "N", default_value_t = 24, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     objects: u32,
@@ -80,7 +80,7 @@ pub(crate) struct Args {
     /// Steps of a ray along the diagonal of the box
     #[arg(long, value_name = "N", default_value_t = 128, value_parser = clap::value_parser!(u32).range(8..=4096))]
     steps: u32,
-    /// 1/β, the largest density [default: that at the end of the last stage of the model]
+    /// 1/β, the largest density [default: that of the last step of the training]
     #[arg(long, value_name = "X")]
     inverse_beta: Option<f32>,
     /// Break one input of the model: a score that does not fall has not used it
@@ -99,16 +99,13 @@ pub(crate) struct Args {
 
 pub(super) fn run(args: &Args) -> Result<()> {
     let mut meter = Meter::new();
-    let model = Model::read(&args.model)?;
+    let (model, name) = weights::model(args.model.as_deref(), &meter)?;
     let ready = Ready::new(model.config, &model.params);
     let p = Protocol {
         set: evaluate::settings(args.seed, args.samples),
         version: args.light.clone(),
         order: if args.input_order == "random" { Order::Random } else { Order::Sequential },
-        look: Look::of_field(
-            args.steps as usize,
-            args.inverse_beta.unwrap_or_else(|| last_inverse_beta(&model.stages)),
-        ),
+        look: Look::of_field(args.steps as usize, args.inverse_beta.unwrap_or_else(|| model.inverse_beta())),
         control: match args.control.as_str() {
             "zeroed-state" => Control::ZeroedState,
             "permuted-cameras" => Control::PermutedCameras,
@@ -130,7 +127,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let means = evaluate::means(&all);
     let objects: Vec<Value> = all.iter().map(|s| json!({ "object": s.object, "rounds": s.rounds })).collect();
     let record = json!({
-        "model": args.model, "stages": model.stages, "light": args.light, "order": args.input_order, "control": args.control,
+        "model": name, "stages": model.stages(), "light": args.light, "order": args.input_order, "control": args.control,
         "seed": args.seed, "inverse_beta": p.look.inverse_beta,
         "rounds": means, "objects": objects,
     });

@@ -95,7 +95,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let meter = Meter::new();
     let config = Config { is_whole: args.whole, ..args.choices.config(&args.config)? };
     claim::file(&args.out, args.force)?;
-    let model = Model { config, params: first(&config, args.seed), stages: Vec::new() }.halved();
+    let model = Model { config, params: first(&config, args.seed), training: Vec::new() }.halved();
     model.write(&args.out, Precision::Half)?;
     let digest = digest(&model.params);
     if cli::is_json() {

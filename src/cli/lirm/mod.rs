@@ -9,6 +9,7 @@ mod reconstruct;
 mod relight;
 mod study;
 mod train;
+pub(super) mod weights;
 
 use crate::Result;
 use clap::Subcommand;

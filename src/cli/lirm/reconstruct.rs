@@ -2,6 +2,7 @@
 
 use super::init::POSES;
 use super::job::{Job, Size, Start};
+use super::weights;
 use crate::choices::choices;
 use crate::field::read;
 use crate::fit::field::place::Pose;
@@ -10,18 +11,16 @@ use crate::meter::Meter;
 use crate::shared::ForceArgs;
 use crate::{Error, Result, claim};
 use lastlight_lirm::model::decode::Look;
-use lastlight_lirm::model::file::Model;
 use lastlight_lirm::model::state::State;
-use lastlight_lirm::train::stage::last_inverse_beta;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
 /// Which images of a capture are read, and how the result is rendered.
 #[derive(clap::Args)]
 struct Common {
-    /// Model, or the folder of a training
+    /// Model, or the folder of a training [default: the included model]
     #[arg(long, value_name = "FILE")]
-    model: PathBuf,
+    model: Option<PathBuf>,
     /// Images to read, by name, comma-separated or repeated [default: all training images]
     #[arg(long, value_name = "FILE", value_delimiter = ',')]
     inputs: Vec<String>,
@@ -41,7 +40,7 @@ struct Common {
     /// Steps of a ray along the diagonal of the box
     #[arg(long, value_name = "N", default_value_t = 192)]
     samples: usize,
-    /// 1/β, the largest density [default: that at the end of the last stage of the model]
+    /// 1/β, the largest density [default: that of the last step of the training]
     #[arg(long, value_name = "X")]
     inverse_beta: Option<f32>,
     /// Folder for the results; new or empty unless --force
@@ -54,9 +53,10 @@ struct Common {
 /// Reconstruct an object from a few images, without an optimisation.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
-  lastlight lirm reconstruct object/uniform --model s1c --inputs 0018,0021,0040,0045 --out r1
-  lastlight lirm update r1 object/uniform --model s1c --inputs 0020,0028,0041,0046 --out r2     with four more images
-  lastlight lirm reconstruct photos --model s3 --crop-side 64 --out r           any capture with masks
+  lastlight lirm reconstruct object/uniform --inputs 0018,0021,0040,0045 --out r1
+  lastlight lirm update r1 object/uniform --inputs 0020,0028,0041,0046 --out r2     with four more images
+  lastlight lirm reconstruct photos --crop-side 64 --out r                      any capture with masks
+  lastlight lirm reconstruct photos --crop-side 64 --model s3 --out r           with a model of lirm train
   lastlight field mesh r1 --out mesh.glb                                        as for a fitted field
   lastlight field eval r1 object/uniform --mesh object/object.glb
 
@@ -75,7 +75,7 @@ pub(crate) struct Args {
 /// Improve a reconstruction with more images.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
-  lastlight lirm update r1 object/uniform --model s1c --inputs 0020,0028,0041,0046 --out r2
+  lastlight lirm update r1 object/uniform --inputs 0020,0028,0041,0046 --out r2
 
 The state must have been made by the same model. The box of the object stays that of the state.")]
 pub(crate) struct UpdateArgs {
@@ -134,7 +134,7 @@ pub(super) fn update(args: &UpdateArgs) -> Result<()> {
 
 fn made(args: &Common, capture: &Path, start: Start, kind: &'static str) -> Result<()> {
     let mut meter = Meter::new();
-    let model = Model::read(&args.model)?;
+    let (model, name) = weights::model(args.model.as_deref(), &meter)?;
     if let Some(side) = args.crop_side.filter(|side| !side.is_multiple_of(8)) {
         return Err(Error::input("--crop-side").expected("a multiple of 8").got(side.to_string()));
     }
@@ -149,7 +149,7 @@ fn made(args: &Common, capture: &Path, start: Start, kind: &'static str) -> Resu
         return Err(Error::input("capture").expected("at least one training image").got("none"));
     }
     let of_set = Ord::max(args.images_per_set.map_or(which.len(), |n| n as usize), 1);
-    let inverse_beta = args.inverse_beta.unwrap_or_else(|| last_inverse_beta(&model.stages));
+    let inverse_beta = args.inverse_beta.unwrap_or_else(|| model.inverse_beta());
     let job = Job {
         kind,
         model: &model,
@@ -159,7 +159,7 @@ fn made(args: &Common, capture: &Path, start: Start, kind: &'static str) -> Resu
         size: args.size(),
         look: Look::of_field(args.samples, inverse_beta),
         settings: json!({
-            "capture": capture, "model": args.model, "inputs": args.inputs, "images_per_set": args.images_per_set, "crop_side": args.crop_side,
+            "capture": capture, "model": name, "inputs": args.inputs, "images_per_set": args.images_per_set, "crop_side": args.crop_side,
             "downscale": args.downscale, "samples": args.samples, "inverse_beta": inverse_beta,
         }),
     };

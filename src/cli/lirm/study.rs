@@ -1,5 +1,6 @@
 //! `lirm study`: the experiments of LIRM, one table and one chart each.
 
+use super::weights;
 use crate::Result;
 use crate::choices::{Choices, choices};
 use crate::claim;
@@ -7,7 +8,7 @@ use crate::experiment::{Experiment, RunOptions};
 use crate::experiments::{self as engine, Study};
 use crate::meter::Meter;
 use crate::shared::ForceArgs;
-use lastlight_lirm::model::file::{Model, digest};
+use lastlight_lirm::model::file::digest;
 use lastlight_study::lirm::setup::{Named, Setup, Size};
 use lastlight_study::lirm::{limits, occupancy, scenes, scoring, variants};
 use serde_json::{Map, json};
@@ -42,10 +43,10 @@ enum Command {
 /// Run the experiments of LIRM: the paper's claims against measurements.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
-  lastlight lirm study --model s3 --out study                     all experiments; hours
+  lastlight lirm study --out study                                all experiments; hours
   lastlight lirm study --model s1c,s2b,s3 --out study             with the table of stages; the last model is scored
-  lastlight lirm study rounds controls --model s3 --out trial --scale quick
-  lastlight lirm study --model s3 --out study --resume            continue an interrupted study
+  lastlight lirm study rounds controls --out trial --scale quick
+  lastlight lirm study --out study --resume                       continue an interrupted study
 
 `lirm study list` lists the experiments. Objects are those of seed 2: trainings use seed 0. Variants trains five small models, 45 minutes each on two cores. Every cell (a model and an object, or a training) is a file in --out; reports are made from these files. Written to --out: study.json, one CSV per experiment and report/index.html.")]
 #[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
@@ -55,8 +56,8 @@ pub(crate) struct Args {
     /// Experiments, as listed by `lirm study list` [default: all]
     #[arg(value_name = "ID", value_parser = choices(EXPERIMENTS))]
     ids: Vec<String>,
-    /// Models, or the folders of their trainings, comma-separated or repeated; the last is scored
-    #[arg(long, value_name = "FILE", value_delimiter = ',', required = true)]
+    /// Models, or the folders of their trainings, comma-separated or repeated; the last is scored [default: the included model]
+    #[arg(long, value_name = "FILE", value_delimiter = ',')]
     model: Vec<PathBuf>,
     /// Folder for results; new or empty unless --resume or --force
     #[arg(long, value_name = "DIR", required = true)]
@@ -108,7 +109,12 @@ fn all<'a>(setup: &'a Setup, dir: &Path) -> Vec<Box<dyn Experiment + 'a>> {
 
 fn study(args: &Args, out: &Path) -> Result<()> {
     let mut meter = Meter::new();
-    let models = args.model.iter().map(|path| Model::read(path).map(Named::new)).collect::<Result<_>>()?;
+    let given: Vec<_> = args.model.iter().map(|path| Some(path.as_path())).collect();
+    let given = if given.is_empty() { vec![None] } else { given };
+    let models = given
+        .into_iter()
+        .map(|path| Ok(Named::new(weights::model(path, &meter)?.0)))
+        .collect::<Result<_>>()?;
     let setup = Setup::new(args.size(), models)?;
     let dir = claim::folder(out, args.resume, args.replace.force)?;
     // A cell uses all threads: several would only share the images of an object.
@@ -143,13 +149,14 @@ fn study(args: &Args, out: &Path) -> Result<()> {
 mod tests {
     use super::*;
     use lastlight_lirm::model::config::Config;
+    use lastlight_lirm::model::file::Model;
     use lastlight_lirm::model::params::first;
 
     #[test]
     fn the_listed_experiments_are_those_that_can_run() {
         let config =
             Config { blocks: 1, width: 16, heads: 2, plane_tokens: 1, embed_tokens: 1, ..Config::SMALL };
-        let model = Model { config, params: first(&config, 0), stages: Vec::new() };
+        let model = Model { config, params: first(&config, 0), training: Vec::new() };
         let setup = Setup::new(Size::smoke(), vec![Named::new(model)]).expect("a model");
         let ids: Vec<&str> = all(&setup, Path::new("out")).iter().map(|x| x.id()).collect();
         let listed: Vec<&str> = EXPERIMENTS.iter().map(|(id, _)| *id).collect();

@@ -36,6 +36,8 @@ const STAGES: &Choices = &[
   lastlight lirm train --stage 1b --from s1a --out s1b      the next stage, with fresh moments
   lastlight lirm train --stage 1a --out s1a --resume        go on after an interruption, with the same bits
   lastlight lirm train --stage 1a --steps 100 --out quick   the same schedule, shorter
+  lastlight lirm train --stage 1a --until 700 --out a       the first 700 steps
+  lastlight lirm train --stage 1a --from a --out s1a        the remaining steps, with fresh moments
   lastlight lirm train set --stage 1a --out s1a             objects of lirm gen --views 20 --size 128 --lighting both --shiny
 
 Objects are rendered in memory with the pixels of lirm gen (20 images of 128x128 with 8 samples per pixel); each is in twelve steps, turned about the vertical by a drawn angle. Written to --out: model.safetensors (half precision, for --from), a checkpoint, result.json and report/index.html. The number of threads changes the time, not the result.")]
@@ -49,7 +51,7 @@ pub(crate) struct Args {
     /// The stage
     #[arg(long, value_name = "NAME", value_parser = choices(STAGES))]
     stage: String,
-    /// Model of the stage before, or the folder of its training [default: first values]
+    /// Model of the stage before, or of an earlier part of this one, or the folder of its training [default: first values]
     #[arg(long, value_name = "FILE")]
     from: Option<PathBuf>,
     /// Sizes of the model, where there is no --from [default: small]
@@ -60,11 +62,15 @@ pub(crate) struct Args {
     /// Steps [default: those of the stage]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     steps: Option<u32>,
+    /// Stop after this step of the stage; a training with --from and otherwise equal options goes on with the next one [default: the last]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    until: Option<u32>,
     /// Weight of the squared distance of surface points from the true ones, and of the part of it along the optical axis; LIRM has neither term,
     /// its successor weighs both by 10
     #[arg(long, value_name = "X", default_value_t = 0.0)]
     points: f32,
-    /// Weight of the squared error of the signed distance at points around the object, from its mesh
+    /// Weight of the squared error of the signed distance at points around the object, from its mesh; with it, stage 1a begins with 1/β at 30,
+    /// and all of stage 1 has 60 from the end of that warm-up on
     #[arg(long, value_name = "X", default_value_t = 0.0)]
     distances: f32,
     /// Objects per step
@@ -149,20 +155,35 @@ pub(super) fn run(args: &Args) -> Result<()> {
         None => &rendered,
     };
     let mut training = Training::new(settings.clone(), config, before.as_ref().map(|m| &m.params), source)?;
+    if let Some(part) = before.as_ref().and_then(|m| m.training.last()) {
+        match (part.stage == settings.stage.name, part.is_last()) {
+            (true, false) => {
+                training.continue_from(part)?;
+                meter.note(&format!("stage {} goes on after step {}", part.stage, part.range[1]));
+            }
+            (true, true) => meter.note(&format!("stage {} begins again, from its own result", part.stage)),
+            (false, false) => meter.note(&format!("the model has stage {}", part.label())),
+            (false, true) => {}
+        }
+    }
+    if let Some(last) = args.until {
+        training.stop_after(last as usize)?;
+    }
     meter.note(&format!(
         "{} parameters in {} arrays, {} tokens of a state; {} steps of {} objects",
         count(training.config()),
         training.params().len(),
         training.config().state_tokens(),
-        settings.stage.steps,
+        training.iterations(),
         settings.batch
     ));
     training.show(&Rendered::new(args.filling.seed.wrapping_add(1)))?;
     let frame = Frame::claim(&args.out, &args.filling, args.checkpoint_every)?;
     let (history, film) = frame.train(&mut training, &mut meter)?;
-    let mut stages = before.map_or_else(Vec::new, |m| m.stages);
-    stages.push(settings.stage.name.clone());
-    let model = Model { config: *training.config(), params: training.params().clone(), stages }.halved();
+    let mut parts = before.map_or_else(Vec::new, |m| m.training);
+    parts.push(training.part());
+    let model =
+        Model { config: *training.config(), params: training.params().clone(), training: parts }.halved();
     let digest = digest(&model.params);
     let settings = training.settings();
     if let Some(outcome) = frame.finished(&digest, &settings, &history) {
@@ -170,7 +191,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     }
     model.write(&frame.file(FILE), crate::io::safetensors::Precision::Half)?;
     let head = Head { kind: "lirm train", digest: &digest, settings };
-    let own = training::entries([("stages", json!(model.stages))]);
+    let own = training::entries([("stages", json!(model.stages()))]);
     let record = frame.record(head, own, &history, &meter)?;
     meter.lap("writing files");
     let tail = &history.loss[history.len() - Ord::min(history.len(), TAIL)..];

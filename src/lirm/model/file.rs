@@ -1,9 +1,10 @@
 //! The file of a model, in safetensors format: all arrays of [`super::params`] under their names, and text.
 //!
-//! Metadata: `kind`, `version`, `configuration` (JSON of [`Config::json`]), `stage` (the stages that made it, one after the other), `digest` of
+//! Metadata: `kind`, `version`, `configuration` (JSON of [`Config::json`]), `training` (JSON of its parts, one after the other: [`super::origin`]), `digest` of
 //! names and values. Arrays are in half precision, rounded to nearest, or in single precision; the digest is that of the numbers in the file.
 
 use super::config::Config;
+use super::origin::{self, Part};
 use super::params;
 use crate::io::safetensors::{self, Precision};
 use crate::num::array::Arrays;
@@ -26,8 +27,8 @@ pub struct Model {
     pub config: Config,
     /// Its arrays.
     pub params: Params,
-    /// Names of the stages that made it, in order.
-    pub stages: Vec<String>,
+    /// Parts of the training that produced it, in order.
+    pub training: Vec<Part>,
 }
 
 /// Digest of names and bits.
@@ -54,6 +55,16 @@ fn rounded(params: &Params, precision: Precision) -> Params {
 }
 
 impl Model {
+    /// The stages of its training.
+    pub fn stages(&self) -> Vec<String> {
+        origin::labels(&self.training)
+    }
+
+    /// The 1/β at which it is rendered: that of the last step of its training.
+    pub fn inverse_beta(&self) -> f32 {
+        origin::inverse_beta(&self.training)
+    }
+
     /// The model with numbers of half precision, as a file of that precision holds it.
     #[must_use]
     pub fn halved(self) -> Self {
@@ -80,7 +91,7 @@ impl Model {
             ("kind".to_owned(), KIND.to_owned()),
             ("version".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
             ("configuration".to_owned(), self.config.json().to_string()),
-            ("stages".to_owned(), self.stages.join(" ")),
+            ("training".to_owned(), origin::text(&self.training)),
             ("digest".to_owned(), digest(&stored)),
         ]);
         safetensors::write_in(path, precision, &arrays, &meta)
@@ -96,6 +107,15 @@ impl Model {
         let path = if path.is_dir() { &*inside } else { path };
         let file = safetensors::read(path)?;
         parse(&file.arrays, &file.metadata).map_err(|e| e.within(path.display().to_string()))
+    }
+
+    /// Reads the bytes of a file, which messages call `name`.
+    ///
+    /// # Errors
+    /// See [`Self::read`].
+    pub fn from_bytes(bytes: &[u8], name: &str) -> Result<Self> {
+        let file = safetensors::parse(bytes, name)?;
+        parse(&file.arrays, &file.metadata).map_err(|e| e.within(name.to_owned()))
     }
 }
 
@@ -127,8 +147,8 @@ fn parse(arrays: &Arrays, meta: &BTreeMap<String, String>) -> Result<Model> {
     if *text("digest")? != found {
         return Err(Error::input("digest of the arrays").expected(text("digest")?.as_str()).got(found));
     }
-    let stages = text("stages")?.split_whitespace().map(str::to_owned).collect();
-    Ok(Model { config, params, stages })
+    let training = origin::parse(text("training")?)?;
+    Ok(Model { config, params, training })
 }
 
 #[cfg(test)]
@@ -140,11 +160,7 @@ mod tests {
         let dir = tempfile::tempdir().expect("a folder");
         let config =
             Config { blocks: 1, width: 16, heads: 2, plane_tokens: 1, embed_tokens: 1, ..Config::SMALL };
-        let model = Model {
-            config,
-            params: params::first(&config, 4),
-            stages: vec!["1a".to_owned(), "1b".to_owned()],
-        };
+        let model = Model { config, params: params::first(&config, 4), training: Vec::new() };
         let path = dir.path().join(FILE);
         model.write(&path, Precision::Single).expect("written");
         assert_eq!(Model::read(dir.path()).expect("the file in the folder"), model);
@@ -173,6 +189,8 @@ mod tests {
         assert!(e.contains("digest"), "{e}");
         let e = write(&|_, m| drop(m.insert("kind".to_owned(), "field".to_owned())));
         assert!(e.contains("kind"), "{e}");
+        let e = write(&|_, m| drop(m.insert("training".to_owned(), "1a".to_owned())));
+        assert!(e.contains("training"), "{e}");
         let e = write(&|_, m| drop(m.insert("configuration".to_owned(), Config::SMALL.json().to_string())));
         assert!(e.contains("tokens/image"), "another configuration: {e}");
     }

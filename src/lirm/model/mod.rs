@@ -12,7 +12,8 @@
 //!                                                       │
 //!                              planes, panoramas, heads ▼     decode
 //!                                                     field ──► field.render, mesh, relighting
-//! file     weights and states as safetensors
+//! file     weights and states as safetensors            origin   the training that produced a model
+//! shipped  the model that comes with the program
 //! ```
 //!
 //! The state is the tokens of the planes and of the panoramas after the final LayerNorm. Its size does not depend on how many images
@@ -23,8 +24,10 @@
 pub mod config;
 pub mod decode;
 pub mod file;
+pub mod origin;
 pub mod params;
 pub mod places;
+pub mod shipped;
 pub mod state;
 pub mod transformer;
 pub mod weights;

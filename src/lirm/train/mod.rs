@@ -18,6 +18,9 @@
 //! The state between sets is detached: no gradient flows through it, so a step needs the memory of one set. The loss is the mean over
 //! objects, sets and crops.
 //!
+//! A stage can be made in parts: [`Training::stop_after`] ends it after a step, and [`Training::continue_from`] goes on from the weights, with fresh moments and a rate
+//! that rises again over twenty steps. Draws, rates and 1/β are those of the step of the whole stage.
+//!
 //! Every draw is a function of seed, step and place in the batch, and objects are made by index, so a training that is resumed has the bits of one that
 //! was not interrupted. Neither threads nor `at_once` nor recomputation change a bit.
 
@@ -36,12 +39,13 @@ use self::source::Pool;
 use self::stage::Stage;
 use super::model::config::Config;
 use super::model::file::digest;
+use super::model::origin::Part;
 use super::model::params::{decays, extended, first};
 use super::model::transformer::Keep;
 use super::model::weights::{Gradients, Ready};
 use crate::fit::training::{Fit, Preview, Step, Watch};
 use crate::num::array::Arrays;
-use crate::num::par;
+use crate::num::{order, par};
 use crate::optim::adam::{Counters, Decay, Rule};
 use crate::optim::clip::clip;
 use crate::optim::optimiser::{ArrayNames, Optimiser};
@@ -60,6 +64,9 @@ const RULE: Rule = Rule {
     decay: Decay::Decoupled,
     counters: Counters::Global,
 };
+
+/// Steps over which the rate rises where a stage goes on with fresh moments.
+const RISE_AGAIN: usize = 20;
 
 /// Settings of a training.
 #[derive(Clone, Debug, PartialEq)]
@@ -82,6 +89,8 @@ pub struct Settings {
 #[derive(Debug)]
 pub struct Training<'a> {
     settings: Settings,
+    /// First step, and the one after the last.
+    range: [usize; 2],
     config: Config,
     params: Params,
     /// Of arrays that decay, and of the others.
@@ -124,6 +133,7 @@ impl<'a> Training<'a> {
         let optimisers = [of(RULE, true)?, of(Rule { weight_decay: 0.0, ..RULE }, false)?];
         let start = digest(&begun);
         Ok(Self {
+            range: [0, settings.stage.steps],
             settings,
             config,
             params: begun,
@@ -132,6 +142,72 @@ impl<'a> Training<'a> {
             shown: Vec::new(),
             start,
         })
+    }
+
+    /// Ends after `last` steps of the stage, which the next part can continue.
+    ///
+    /// # Errors
+    /// If the stage does not have this step, or it is already made.
+    pub fn stop_after(&mut self, last: usize) -> Result<()> {
+        let [first, end] = [self.range[0], self.settings.stage.steps];
+        if !(first + 1..=end).contains(&last) {
+            let expected = format!("{} to {end}, steps of the stage that are not made yet", first + 1);
+            return Err(Error::input("--until").expected(expected).got(last.to_string()));
+        }
+        self.range[1] = last;
+        Ok(())
+    }
+
+    /// Continues a stage whose part before this one made the weights.
+    ///
+    /// # Errors
+    /// If that part has other settings; the error names the option.
+    pub fn continue_from(&mut self, part: &Part) -> Result<()> {
+        let own = self.part();
+        // As typed: a JSON number would be in double precision.
+        let text = |x: f32| json!(x.to_string());
+        let plain = |x: &Value| x.as_str().map_or_else(|| x.to_string(), str::to_owned);
+        let pairs = [
+            ("--steps", json!(part.steps), json!(own.steps)),
+            ("--seed", json!(part.seed), json!(own.seed)),
+            ("--batch", json!(part.batch), json!(own.batch)),
+            ("--objects-at-once", json!(part.block), json!(own.block)),
+            ("objects", json!(part.source), json!(own.source)),
+            ("--points", text(part.points), text(own.points)),
+            ("--distances", text(part.distances), text(own.distances)),
+        ];
+        if let Some((name, before, now)) = pairs.into_iter().find(|(_, before, now)| before != now) {
+            return Err(Error::input(name)
+                .expected(format!("{}, as in the part before of stage {}", plain(&before), part.stage))
+                .got(plain(&now)));
+        }
+        self.range[0] = part.range[1];
+        Ok(())
+    }
+
+    /// What this training adds to the model that it begins with.
+    pub fn part(&self) -> Part {
+        let s = &self.settings;
+        Part {
+            stage: s.stage.name.clone(),
+            range: self.range,
+            steps: s.stage.steps,
+            seed: s.seed,
+            batch: s.batch,
+            block: s.block,
+            source: self.pool.record(),
+            points: s.stage.points,
+            distances: s.stage.distances,
+            inverse_beta: s.stage.look(self.range[1].saturating_sub(1)).inverse_beta,
+            start: self.start.clone(),
+        }
+    }
+
+    /// The learning rate of a step of the stage.
+    fn rate(&self, step: usize) -> f64 {
+        let [first, _] = self.range;
+        let again = if first > 0 { (step - first + 1) as f64 / RISE_AGAIN as f64 } else { 1.0 };
+        order::min(again, 1.0) * self.settings.stage.rate(step)
     }
 
     /// Renders objects of another source that previews show: the first ones that are lit as those of the stage.
@@ -161,7 +237,7 @@ impl<'a> Training<'a> {
     }
 
     /// The losses of some objects of a step, and their gradients by object.
-    fn part(
+    fn losses(
         &self,
         ready: &Ready<'_>,
         objects: &[Object],
@@ -241,14 +317,18 @@ impl Fit for Training<'_> {
         all["block"] = json!(self.settings.block);
         all["source"] = json!(self.pool.record());
         all["start"] = json!(self.start);
+        if self.range[0] > 0 {
+            all["first_step"] = json!(self.range[0]);
+        }
         all
     }
 
     fn iterations(&self) -> usize {
-        self.settings.stage.steps
+        self.range[1] - self.range[0]
     }
 
     fn step(&mut self, i: usize, watch: &mut dyn Watch) -> Result<Step> {
+        let i = self.range[0] + i;
         let named = |e: Error| e.at(format!("step {}", i + 1));
         let s = &self.settings;
         let draws = Draws { seed: s.seed, stage: &s.stage, batch: s.batch, block: s.block };
@@ -261,7 +341,7 @@ impl Fit for Training<'_> {
             let objects = par::map(some.len(), |j| Object::new(&draws, &self.config, i, some[j], &self.pool));
             let objects = objects.into_iter().collect::<Result<Vec<_>>>().map_err(named)?;
             watch.lap("inputs");
-            let (part, gradients) = self.part(&ready, &objects, i, watch).map_err(named)?;
+            let (part, gradients) = self.losses(&ready, &objects, i, watch).map_err(named)?;
             loss += part;
             gradients.iter().for_each(|g| total.add(g));
         }
@@ -274,7 +354,7 @@ impl Fit for Training<'_> {
         for g in grads.0.values_mut() {
             clip(g.as_slice_mut().expect("gradients are contiguous"), LENGTH);
         }
-        let rate = s.stage.rate(i);
+        let rate = self.rate(i);
         for optimiser in &mut self.optimisers {
             optimiser.step(&mut self.params, &grads, |_| Some(rate)).map_err(named)?;
         }
@@ -284,7 +364,7 @@ impl Fit for Training<'_> {
 
     fn preview(&self, k: usize, count: usize) -> Option<Preview> {
         let shown = self.shown.get(k * self.shown.len() / Ord::max(count, 1))?;
-        let look = self.settings.stage.look(self.settings.stage.steps);
+        let look = self.settings.stage.look(self.range[1].saturating_sub(1));
         shown.preview(&Ready::new(self.config, &self.params), look)
     }
 

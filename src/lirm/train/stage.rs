@@ -68,12 +68,6 @@ pub struct Stage {
     pub distances: f32,
 }
 
-/// The 1/β at the end of the last of some stages, at which their model is rendered; that of the first stage for none.
-pub fn last_inverse_beta(stages: &[String]) -> f32 {
-    let last = stages.last().and_then(|name| Stage::named(name).ok());
-    last.map_or(40.0, |stage| stage.inverse_beta[1])
-}
-
 /// Names of the stages, in order.
 pub const NAMES: [&str; 6] = ["1a", "1b", "1c", "2a", "2b", "3"];
 

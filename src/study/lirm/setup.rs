@@ -8,7 +8,6 @@ use lastlight_lirm::evaluate::{Control, Numbers, Order, Protocol, means_of_mater
 use lastlight_lirm::model::decode::Look;
 use lastlight_lirm::model::file::{Model, digest};
 use lastlight_lirm::subject::Subject;
-use lastlight_lirm::train::stage::last_inverse_beta;
 use lastlight_lirm::views::Views;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -63,7 +62,7 @@ pub struct Named {
 impl Named {
     /// Names a model by its last stage.
     pub fn new(model: Model) -> Self {
-        let name = model.stages.last().map_or_else(|| "first values".to_owned(), |s| format!("stage {s}"));
+        let name = model.stages().last().map_or_else(|| "first values".to_owned(), |s| format!("stage {s}"));
         Self { name, model }
     }
 }
@@ -107,7 +106,7 @@ impl Setup {
             set: settings(SEED, self.size.samples),
             version: version.to_owned(),
             order: Order::Random,
-            look: Look::of_field(self.size.steps, last_inverse_beta(&model.stages)),
+            look: Look::of_field(self.size.steps, model.inverse_beta()),
             control: Control::None,
             sets: 4,
             outputs: self.size.outputs,

@@ -317,9 +317,14 @@ fn restore(fit: &mut dyn Fit, arrays: &Arrays, meta: &BTreeMap<String, String>) 
             .hint("the file was changed after it was written; start over with --force"));
     }
     let iteration = text("iteration")?;
-    if loss.len() != size.len() || loss.len().to_string() != *iteration || loss.len() > fit.iterations() {
+    if loss.len() > fit.iterations() {
+        return Err(Error::input("checkpoint")
+            .expected(format!("at most {} iterations, those of this run", fit.iterations()))
+            .got(loss.len().to_string()));
+    }
+    if loss.len() != size.len() || loss.len().to_string() != *iteration {
         return Err(Error::input("array 'history/loss'")
-            .expected(format!("{iteration} entries, as many as 'history/size', at most {}", fit.iterations()))
+            .expected(format!("{iteration} entries, as many as 'history/size'"))
             .got(format!("{} and {}", loss.len(), size.len())));
     }
     fit.load(arrays)?;

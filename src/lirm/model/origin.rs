@@ -1,0 +1,119 @@
+//! The training that produced a model: parts of stages, one after the other.
+//!
+//! A stage is one part, or several if it was stopped and continued from a file. The weights that a part begins with are the result of the part
+//! before it, or, in the first part, first values that depend on the configuration and the seed. With the configuration and the version of the
+//! program, the list is all that decides the weights.
+
+use crate::{Error, Result};
+use serde::{Deserialize, Serialize};
+
+/// 1/β at which a model without training is rendered.
+const UNTRAINED: f32 = 40.0;
+
+/// Some steps of a stage.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Part {
+    /// Name of the stage.
+    pub stage: String,
+    /// Its first step, counted from 0, and the one after its last.
+    pub range: [usize; 2],
+    /// Steps of the whole stage.
+    pub steps: usize,
+    /// Seed of first values and draws.
+    pub seed: u64,
+    /// Objects per step.
+    pub batch: usize,
+    /// Objects that are in memory at once.
+    pub block: usize,
+    /// Where the objects come from.
+    pub source: String,
+    /// Weight of surface points.
+    pub points: f32,
+    /// Weight of signed distances.
+    pub distances: f32,
+    /// 1/β in the last step.
+    pub inverse_beta: f32,
+    /// Digest of the weights that it began with.
+    pub start: String,
+}
+
+impl Part {
+    /// Whether it ends with the last step of its stage.
+    pub fn is_last(&self) -> bool {
+        self.range[1] == self.steps
+    }
+
+    /// The name of the stage; with the number of steps, if some are missing.
+    pub fn label(&self) -> String {
+        if self.is_last() {
+            return self.stage.clone();
+        }
+        format!("{} to step {} of {}", self.stage, self.range[1], self.steps)
+    }
+}
+
+/// The stages in order, a stage in several parts once.
+pub fn labels(parts: &[Part]) -> Vec<String> {
+    let continued = |i: usize| {
+        parts.get(i + 1).is_some_and(|next| {
+            next.stage == parts[i].stage && next.range[0] == parts[i].range[1] && next.range[0] > 0
+        })
+    };
+    (0..parts.len()).filter(|i| !continued(*i)).map(|i| parts[i].label()).collect()
+}
+
+/// The 1/β of the last step, at which the model is rendered.
+pub fn inverse_beta(parts: &[Part]) -> f32 {
+    parts.last().map_or(UNTRAINED, |part| part.inverse_beta)
+}
+
+/// Text of a list of parts.
+///
+/// # Panics
+/// Never: a part has no map with keys that are not text.
+pub(super) fn text(parts: &[Part]) -> String {
+    serde_json::to_string(parts).expect("plain values")
+}
+
+/// Reads such a text.
+///
+/// # Errors
+/// If it is not one.
+pub(super) fn parse(text: &str) -> Result<Vec<Part>> {
+    serde_json::from_str(text)
+        .map_err(|e| Error::input("metadata").at("training").expected("parts of stages").got(e.to_string()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn part(stage: &str, range: [usize; 2], inverse_beta: f32) -> Part {
+        Part {
+            stage: stage.to_owned(),
+            range,
+            steps: 10,
+            seed: u64::MAX,
+            batch: 8,
+            block: 200,
+            source: "a set".to_owned(),
+            points: 0.0,
+            distances: 0.1,
+            inverse_beta,
+            start: "0123".to_owned(),
+        }
+    }
+
+    #[test]
+    fn a_stage_in_parts_has_one_label_and_its_text_is_read_back() {
+        let parts = [part("1a", [0, 4], 40.0), part("1a", [4, 10], 60.0), part("1b", [0, 3], 61.0)];
+        assert_eq!(labels(&parts), ["1a", "1b to step 3 of 10"]);
+        let again = [part("1a", [0, 10], 60.0), part("1a", [0, 3], 60.0)];
+        assert_eq!(labels(&again), ["1a", "1a to step 3 of 10"], "begun anew");
+        assert_eq!((inverse_beta(&parts), inverse_beta(&[])), (61.0, UNTRAINED));
+        assert_eq!(parse(&text(&parts)).expect("its own text"), parts);
+        let e = parse("[{}]").expect_err("no part").to_string();
+        assert!(e.contains("training") && e.contains("stage"), "{e}");
+    }
+}

@@ -1,0 +1,19 @@
+//! The model included in the program, trained on the built-in objects; `reference/weights/README.md` gives the commands that reproduce it,
+//! how far its training has come, and its digest.
+
+use super::file::Model;
+use crate::Result;
+
+/// Name of its file, for messages and records.
+pub const NAME: &str = "objects64.safetensors";
+
+/// Contents of the file, compiled into the program.
+pub const BYTES: &[u8] = reference::weights::OBJECTS64;
+
+/// Reads the model.
+///
+/// # Errors
+/// Never for the included file.
+pub fn objects() -> Result<Model> {
+    Model::from_bytes(BYTES, NAME)
+}
