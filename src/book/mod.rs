@@ -7,7 +7,7 @@
 //!                             │
 //!                             ├──► light_and_rays ──► known_truth ──► learned_causes
 //!                             ├──► field ──► field_adjoint ──► meshes
-//!                             └──► tokens ──► attention ──► updates
+//!                             └──► tokens ──► attention ──► updates ──► small_model
 //! notation       paper symbol, name in the code, shape, unit        bibliography    cited works
 //! ```
 //!
@@ -76,6 +76,9 @@ pub mod attention {}
 
 #[doc = include_str!("updates.md")]
 pub mod updates {}
+
+#[doc = include_str!("small_model.md")]
+pub mod small_model {}
 
 #[doc = include_str!("notation.md")]
 pub mod notation {}
