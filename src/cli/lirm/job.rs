@@ -22,7 +22,7 @@ use crate::scene::field::{FILE as FIELD, Field, Placement};
 use crate::shared::{Outcome, name};
 use crate::training::RESULT;
 use crate::units::counted;
-use crate::{Error, Result, console as cli, version};
+use crate::{Error, Result, console as cli, units, version};
 use lastlight_lirm::model::config::Config;
 use lastlight_lirm::model::decode::Look;
 use lastlight_lirm::model::file::{Model, digest};
@@ -97,10 +97,10 @@ fn announce(config: &Config, sets: &[Vec<Input>], meter: &mut Meter) -> Result<(
         e.hint("--images-per-set and --downscale lower the estimate, --max-memory raises the limit")
     })?;
     let mut line = format!(
-        "{parameters} parameters, {} tokens in the largest set, {:.1} GiB, {:.3} TFLOP",
+        "{parameters} parameters, {} tokens in the largest set, about {}, {:.0} GFLOP",
         config.state_tokens() + most,
-        bytes as f64 / f64::from(1 << 30),
-        1e-12 * operations
+        units::bytes(bytes),
+        1e-9 * operations
     );
     if operations > LONG {
         let factor = vec![0.5; SAMPLE * SAMPLE];
