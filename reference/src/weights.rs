@@ -3,6 +3,3 @@
 
 /// The image-to-point model of the built-in figure, safetensors.
 pub const FIGURE64: &[u8] = include_bytes!("../weights/figure64.safetensors");
-
-/// The model of LIRM for built-in objects, safetensors.
-pub const OBJECTS64: &[u8] = include_bytes!("../weights/objects64.safetensors");

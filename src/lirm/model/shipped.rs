@@ -8,7 +8,7 @@ use crate::Result;
 pub const NAME: &str = "objects64.safetensors";
 
 /// Contents of the file, compiled into the program.
-pub const BYTES: &[u8] = reference::weights::OBJECTS64;
+pub const BYTES: &[u8] = include_bytes!("../../../reference/weights/objects64.safetensors");
 
 /// Reads the model.
 ///
