@@ -79,10 +79,15 @@ pub(super) fn text(parts: &[Part]) -> String {
 /// Reads such a text.
 ///
 /// # Errors
-/// If it is not one.
+/// If it is not one, or a part has steps that its stage does not have.
 pub(super) fn parse(text: &str) -> Result<Vec<Part>> {
-    serde_json::from_str(text)
-        .map_err(|e| Error::input("metadata").at("training").expected("parts of stages").got(e.to_string()))
+    let refused = |got: String| Error::input("metadata").at("training").expected("parts of stages").got(got);
+    let parts: Vec<Part> = serde_json::from_str(text).map_err(|e| refused(e.to_string()))?;
+    let is_bad = |part: &&Part| part.range[0] >= part.range[1] || part.range[1] > part.steps;
+    match parts.iter().find(is_bad) {
+        Some(bad) => Err(refused(format!("steps {:?} of {}", bad.range, bad.steps))),
+        None => Ok(parts),
+    }
 }
 
 #[cfg(test)]
@@ -113,6 +118,10 @@ mod tests {
         assert_eq!(labels(&again), ["1a", "1a to step 3 of 10"], "begun anew");
         assert_eq!((inverse_beta(&parts), inverse_beta(&[])), (61.0, UNTRAINED));
         assert_eq!(parse(&text(&parts)).expect("its own text"), parts);
+        for range in [[4, 4], [4, 11]] {
+            let e = parse(&text(&[part("1a", range, 60.0)])).expect_err("no such steps").to_string();
+            assert!(e.contains("of 10"), "{e}");
+        }
         let e = parse("[{}]").expect_err("no part").to_string();
         assert!(e.contains("training") && e.contains("stage"), "{e}");
     }
