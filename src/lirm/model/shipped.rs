@@ -7,7 +7,8 @@ use crate::Result;
 /// Name of its file, for messages and records.
 pub const NAME: &str = "objects64.safetensors";
 
-/// Contents of the file, compiled into the program.
+/// Contents of the file, compiled into the program. It is included here and not by `reference`, whose sources decide bits of operators: a new
+/// model would ask for the whole bit matrix.
 pub const BYTES: &[u8] = include_bytes!("../../../reference/weights/objects64.safetensors");
 
 /// Reads the model.
