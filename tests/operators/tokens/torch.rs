@@ -81,7 +81,7 @@ fn values_and_gradients_are_those_of_pytorch() {
     let python = std::env::var("LASTLIGHT_PYTHON").unwrap_or_else(|_| "python3".to_owned());
     let has_torch = Command::new(&python).args(["-c", "import numpy, torch"]).output();
     if !has_torch.is_ok_and(|o| o.status.success()) {
-        return not_run("tokens, fuse and unpatch against PyTorch: no Python with torch and numpy");
+        return not_run("python3 with numpy and torch: tokens, fuse and unpatch against PyTorch");
     }
     let ran = Command::new(&python).arg(&script).arg(folder.path()).output().expect("it started before");
     assert!(ran.status.success(), "{}", String::from_utf8_lossy(&ran.stderr));
