@@ -24,6 +24,7 @@ use crate::geometry::bvh::Bvh;
 use crate::io::atomic;
 use crate::num::par;
 use crate::num::rng::{self, Rng};
+use crate::scene::camera::Camera;
 use crate::scene::from_data_gen;
 use crate::scene::light::Lights;
 use crate::scene::mesh::Object;
@@ -174,7 +175,21 @@ impl Job<'_> {
     }
 }
 
-/// One version of an object in memory, with the cameras and light of object k: its shots, and each with its passes and its exposure.
+/// An image in memory.
+pub(super) struct Rendered {
+    /// Name in a set.
+    pub(super) name: String,
+    /// The camera in the middle of the exposure, as a set has it.
+    pub(super) camera: Camera,
+    /// What was rendered.
+    pub(super) passes: Passes,
+    /// Factor from radiance to the image.
+    pub(super) exposure: f32,
+    /// The exposed radiance with sensor noise, of which the photo is made.
+    pub(super) sensed: Option<Vec<[f32; 3]>>,
+}
+
+/// One version of an object in memory, with the cameras and light of object k.
 ///
 /// # Errors
 /// If a model or a map is invalid, or there is no such version.
@@ -183,7 +198,7 @@ pub(super) fn in_memory(
     k: u64,
     version: &str,
     subject: &Subject,
-) -> Result<Vec<(Shot, Passes, f32)>> {
+) -> Result<Vec<Rendered>> {
     let known = settings.versions().into_iter().find(|v| v.0 == version);
     let (_, under_map, is_shiny) = known.ok_or_else(|| {
         let names: Vec<&str> = settings.versions().iter().map(|v| v.0).collect();
@@ -197,8 +212,9 @@ pub(super) fn in_memory(
     let capture = Capture { settings, k, scene: &scene, exposed: under_map };
     let (shots, _) = shots(settings, k);
     let one = |(i, shot): (usize, Shot)| {
-        let picture = capture.picture(i, &shot)?;
-        Ok((shot, picture.passes, picture.style.exposure))
+        let Picture { passes, style, sensed } = capture.picture(i, &shot)?;
+        let (camera, exposure) = (shot.middle(), style.exposure);
+        Ok(Rendered { name: shot.name, camera, passes, exposure, sensed })
     };
     shots.into_iter().enumerate().map(one).collect()
 }

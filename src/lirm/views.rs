@@ -70,9 +70,9 @@ impl Views {
     pub fn of_subject(settings: &Settings, k: u64, version: &str, subject: &Subject) -> Result<Self> {
         let made = in_memory(settings, k, version, subject)?;
         let (mut rgb, mut pictures) = (Vec::with_capacity(made.len()), Vec::with_capacity(made.len()));
-        for (shot, passes, exposure) in &made {
-            let (photo, passes) = as_read(passes, *exposure)?;
-            let photo_of = Photo { name: &shot.name, camera: &shot.camera, rgb: &photo };
+        for image in &made {
+            let (photo, passes) = as_read(&image.passes, image.exposure, image.sensed.as_deref())?;
+            let photo_of = Photo { name: &image.name, camera: &image.camera, rgb: &photo };
             pictures.push(photo_of.rendered(passes));
             rgb.push(photo);
         }
@@ -128,19 +128,20 @@ impl Views {
         self
     }
 
-    /// Multiplies the encoded colours of the object in all images by a factor; the white behind it stays. Values above 1 are 1.
+    /// Multiplies the encoded colours of the object in all images by a factor, at most to 1; what is behind it stays. Of a pixel that is
+    /// covered in part, the photo does not show which share is the object's, so the factor is mixed with 1 by coverage.
     #[must_use]
     pub fn lit(mut self, factor: f32) -> Self {
         if factor == 1.0 {
             return self;
         }
-        let scaled = |x: f32| order::min(factor * x, 1.0);
         for View { picture, photo } in &mut self.all {
             for (x, m) in picture.color.as_chunks_mut::<3>().0.iter_mut().zip(&picture.foreground) {
-                *x = x.map(|x| scaled(x - (1.0 - m)) + (1.0 - m));
+                *x = x.map(|x| order::min(factor * (x - (1.0 - m)), *m) + (1.0 - m));
             }
-            let pixels = photo.as_chunks_mut::<3>().0.iter_mut().zip(&picture.foreground);
-            pixels.filter(|(_, m)| **m > 0.0).for_each(|(x, _)| *x = x.map(scaled));
+            for (x, m) in photo.as_chunks_mut::<3>().0.iter_mut().zip(&picture.foreground) {
+                *x = x.map(|x| order::min((1.0 + m * (factor - 1.0)) * x, 1.0));
+            }
         }
         self
     }

@@ -7,6 +7,7 @@ use lastlight::lirm::model::transformer::Input;
 use lastlight::lirm::views::Views;
 use lastlight::scene::field::Placement;
 use lastlight::scene::views::{Masks, Options};
+use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
 fn settings() -> Settings {
@@ -23,31 +24,44 @@ fn settings() -> Settings {
     }
 }
 
+/// Compares one version of object 5 in memory with the same version on disk.
+fn assert_same_in_memory(settings: &Settings, root: &Path, version: &str) {
+    let options = Options { background: [1.0; 3], masks: Masks::Ignore, ..Options::default() };
+    let made = Views::rendered(settings, 5, version).expect("an object");
+    let folder = root.join("object_00005").join(version);
+    let read = Pictures::load(&folder, &options, None).expect("a capture");
+    let placement = Placement::new([0.0; 3], 1.0);
+    let read = Views::of_capture(&read, &[0, 1, 2], placement).expect("in range");
+    assert_eq!(made.all.len(), read.all.len());
+    for (a, b) in made.all.iter().zip(&read.all) {
+        let (p, q) = (&a.picture, &b.picture);
+        assert_eq!((&p.color, &p.foreground, &p.colored), (&q.color, &q.foreground, &q.colored), "{version}");
+        assert_eq!((&p.passes, &a.photo), (&q.passes, &b.photo), "{version}");
+        let poses = p.camera.rotation.iter().flatten().zip(q.camera.rotation.iter().flatten());
+        let centers = p.camera.center().into_iter().zip(q.camera.center());
+        for (x, y) in poses.map(|(x, y)| (*x, *y)).chain(centers) {
+            assert!((x - y).abs() < 2e-6, "poses pass through text: {x} {y}");
+        }
+    }
+}
+
 #[test]
 fn an_object_in_memory_has_the_pixels_of_its_files() {
     let dir = tempfile::tempdir().expect("a folder");
     set::run(dir.path(), &settings(), false, &AtomicBool::new(false), &mut |_, _, _| {}).expect("a set");
-    let options = Options { background: [1.0; 3], masks: Masks::Ignore, ..Options::default() };
     for version in ["uniform", "environment", "shiny"] {
-        let made = Views::rendered(&settings(), 5, version).expect("an object");
-        let folder = dir.path().join("object_00005").join(version);
-        let read = Pictures::load(&folder, &options, None).expect("a capture");
-        let placement = Placement::new([0.0; 3], 1.0);
-        let read = Views::of_capture(&read, &[0, 1, 2], placement).expect("in range");
-        for (a, b) in made.all.iter().zip(&read.all) {
-            let (p, q) = (&a.picture, &b.picture);
-            assert_eq!(
-                (&p.color, &p.foreground, &p.colored),
-                (&q.color, &q.foreground, &q.colored),
-                "{version}"
-            );
-            assert_eq!((&p.passes, &a.photo), (&q.passes, &b.photo), "{version}");
-            for (x, y) in p.camera.rotation.iter().flatten().zip(q.camera.rotation.iter().flatten()) {
-                assert!((x - y).abs() < 1e-6, "poses pass through text: {x} {y}");
-            }
-        }
+        assert_same_in_memory(&settings(), dir.path(), version);
     }
     assert!(Views::rendered(&settings(), 5, "dark").is_err(), "no such version");
+}
+
+#[test]
+fn a_moving_head_camera_has_the_same_noise_and_poses_in_memory() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let head =
+        Settings { set: set::Set::Egocentric, lighting: Lighting::Uniform, shiny: false, ..settings() };
+    set::run(dir.path(), &head, false, &AtomicBool::new(false), &mut |_, _, _| {}).expect("a set");
+    assert_same_in_memory(&head, dir.path(), "uniform");
 }
 
 #[test]

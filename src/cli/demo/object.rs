@@ -201,7 +201,7 @@ fn relit(objects: &[&Object], meter: &mut Meter) -> Result<Sheet> {
 
 /// An image over white, (H, W, 3).
 fn over_white(shot: &Shot, passes: &Passes, exposure: f32) -> Result<Vec<f32>> {
-    let (rgb, passes) = as_read(passes, exposure)?;
+    let (rgb, passes) = as_read(passes, exposure, None)?;
     Ok(Photo { name: &shot.name, camera: &shot.camera, rgb: &rgb }.rendered(passes).color)
 }
 

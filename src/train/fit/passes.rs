@@ -60,6 +60,15 @@ pub struct Shot {
     pub extra: Map<String, Value>,
 }
 
+impl Shot {
+    /// The camera in the middle of the exposure: that of the image.
+    pub fn middle(&self) -> Camera {
+        self.shutter_close
+            .as_ref()
+            .map_or_else(|| self.camera.clone(), |close| self.camera.between(close, 0.5))
+    }
+}
+
 /// Conversion of radiance to an image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Style {
@@ -130,11 +139,12 @@ impl PassSet {
     }
 }
 
-/// An image in memory as a reader of its files gets it: the 8-bit photo, and all passes.
+/// An image in memory as a reader of its files gets it: the 8-bit photo, made from `signal` if there is one ([`Recorder::put_with`]), and
+/// all passes.
 ///
 /// # Errors
 /// When a value is not a number.
-pub fn as_read(p: &Passes, exposure: f32) -> Result<(Vec<u8>, PassImages)> {
+pub fn as_read(p: &Passes, exposure: f32, signal: Option<&[[f32; 3]]>) -> Result<(Vec<u8>, PassImages)> {
     let unit = |x: u8| f32::from(x) / 255.0;
     let bytes = |x: &[f32]| Ok::<_, Error>(image_file::to_u8(x)?.into_iter().map(unit).collect());
     let albedo: Vec<f32> = tonemap::srgb_u8(&p.albedo, 1.0).into_iter().map(unit).collect();
@@ -150,7 +160,13 @@ pub fn as_read(p: &Passes, exposure: f32) -> Result<(Vec<u8>, PassImages)> {
         roughness: Some(bytes(&p.roughness)?),
         exposure: Some(f64::from(exposure)),
     };
-    Ok((tonemap::srgb_u8(&p.color, exposure), passes))
+    let (light, exposure) = exposed(p, exposure, signal);
+    Ok((tonemap::srgb_u8(light, exposure), passes))
+}
+
+/// What a photo is made from, and the factor that is left.
+fn exposed<'a>(p: &'a Passes, exposure: f32, signal: Option<&'a [[f32; 3]]>) -> (&'a [[f32; 3]], f32) {
+    signal.map_or((&*p.color, exposure), |s| (s, 1.0))
 }
 
 /// A capture being written.
@@ -317,10 +333,7 @@ impl Recorder {
                 .expected("ASCII letters, digits, '_', '-' or '.', not beginning with '.'")
                 .got(format!("'{}'", shot.name)));
         }
-        let middle = match &shot.shutter_close {
-            None => shot.camera.clone(),
-            Some(close) => shot.camera.between(close, 0.5),
-        };
+        let middle = shot.middle();
         let image = format!("images/{}.png", shot.name);
         let mut frame = frames::frame(&image, &middle);
         let mut digests = Map::new();
@@ -358,7 +371,7 @@ impl Recorder {
         signal: Option<&[[f32; 3]]>,
     ) -> Result<Vec<(&'static str, String, Vec<u8>)>> {
         let (w, h) = (p.width, p.height);
-        let (light, exposure) = signal.map_or((&*p.color, style.exposure), |s| (s, 1.0));
+        let (light, exposure) = exposed(p, style.exposure, signal);
         if p.color.len() != w * h || light.len() != w * h || (w, h) != (shot.camera.width, shot.camera.height)
         {
             return Err(Error::input(format!("image '{}'", shot.name))
