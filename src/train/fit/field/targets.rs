@@ -9,7 +9,7 @@
 use crate::fit::exposure::{Photograph, equalise};
 use crate::io::capture::{Capture, Frame, Reading, read_capture_with};
 use crate::io::image_file;
-use crate::num::par;
+use crate::num::{order, par};
 use crate::scene::camera::Camera;
 use crate::scene::field::Placement;
 use crate::scene::passes::PassImages;
@@ -270,10 +270,14 @@ pub fn expose(pictures: &mut [Picture], given: Option<f64>) -> Result<f64> {
     let mut photographs: Vec<Photograph> = pictures
         .iter()
         .zip(&exposures)
-        .map(|(p, e)| Photograph {
-            color: p.color.as_chunks::<3>().0.to_vec(),
-            foreground: p.foreground.clone(),
-            exposure: *e,
+        .map(|(p, e)| {
+            // The object's share of a pixel; the white behind it has no exposure.
+            let pixels = p.color.as_chunks::<3>().0.iter().zip(&p.foreground);
+            let share = |(x, m): (&[f32; 3], &f32)| match *m > 0.0 {
+                true => x.map(|x| order::clamp((x - (1.0 - m)) / m, 0.0, 1.0)),
+                false => [0.0; 3],
+            };
+            Photograph { color: pixels.map(share).collect(), foreground: p.foreground.clone(), exposure: *e }
         })
         .collect();
     let factor = match given {
@@ -289,7 +293,7 @@ pub fn expose(pictures: &mut [Picture], given: Option<f64>) -> Result<f64> {
     for (p, lit) in pictures.iter_mut().zip(photographs) {
         // The background stays white.
         let pixels = p.color.as_chunks_mut::<3>().0.iter_mut().zip(lit.color).zip(&p.foreground);
-        pixels.filter(|(_, m)| **m > 0.0).for_each(|((x, lit), _)| *x = lit);
+        pixels.filter(|(_, m)| **m > 0.0).for_each(|((x, lit), m)| *x = lit.map(|x| x * m + (1.0 - m)));
     }
     Ok(factor)
 }
