@@ -5,8 +5,9 @@
 //! | nearest view | the input image whose camera is in the direction nearest to that of the wanted one, unchanged |
 //! | hull | the visual hull of the inputs (a point is in it if no input shows it as background), coloured with the mean of the inputs that show the point |
 //!
-//! A point of the hull's surface is seen by an input if the hull does not begin more than [`SLACK`] in front of it. Both are given the true
-//! foreground, as the model is.
+//! A point of the hull's surface is seen by an input if the hull does not begin more than [`SLACK`] in front of it. A pixel that the object
+//! covers in part shows the object's share, not the white behind it. Images of the hull are means over 2×2 rays per pixel. Both are given
+//! the true foreground, as the model is.
 
 use super::views::View;
 use crate::num::{order, par};
@@ -17,6 +18,8 @@ use crate::scene::camera::Camera;
 const STEPS: usize = 192;
 /// Radius of the ball of the object.
 const RADIUS: f64 = 0.5;
+/// Rays of a pixel along each side.
+const RAYS: usize = 2;
 /// How far in front of a point the hull may begin for an input that sees it.
 pub const SLACK: f64 = 0.02;
 
@@ -41,6 +44,11 @@ pub fn nearest<'a>(inputs: &[&'a View], camera: &Camera) -> &'a View {
     let best =
         (1..inputs.len()).fold(0, |best, i| if cosine(inputs[i]) > cosine(inputs[best]) { i } else { best });
     inputs[best]
+}
+
+/// The object's share of a colour over white.
+fn share(color: [f32; 3], coverage: f32) -> [f32; 3] {
+    color.map(|x| order::max((x - (1.0 - coverage)) / coverage, 0.0))
 }
 
 /// The pixel of a point, if it is in the image.
@@ -92,24 +100,35 @@ impl<'a> Hull<'a> {
             let distance = dot(to, to).sqrt();
             let begins = self.first(eye, to.map(|x| x / distance));
             if begins.is_some_and(|t| t >= distance - SLACK) && view.picture.foreground[i] >= 0.5 {
-                (0..3).for_each(|k| sum[k] += view.picture.color[3 * i + k]);
+                let color = share(view.picture.color.as_chunks().0[i], view.picture.foreground[i]);
+                (0..3).for_each(|k| sum[k] += color[k]);
                 n += 1.0;
             }
         }
         (n > 0.0).then(|| sum.map(|x| x / n))
     }
 
-    /// An image over white, (H, W, 3), and where the hull is, (H, W): one ray per pixel.
+    /// An image over white, (H, W, 3), and the part of every pixel that the hull covers, (H, W).
     pub fn image(&self, camera: &Camera) -> (Vec<f32>, Vec<f32>) {
         let mean = self.mean();
         let row = |y: usize| {
-            let one = |x: usize| {
-                let ray = camera.ray([x as f32 + 0.5, y as f32 + 0.5]);
-                let hit = ray.and_then(|(o, d)| {
+            let at = |pixel: usize, i: usize| pixel as f32 + (i as f32 + 0.5) / RAYS as f32;
+            let ray = |x: f32, y: f32| {
+                let hit = camera.ray([x, y]).and_then(|(o, d)| {
                     let (o, d) = (o.map(f64::from), d.map(f64::from));
                     self.first(o, d).map(|t| along(o, d, t))
                 });
                 hit.map_or(([1.0; 3], 0.0), |p| (self.color(p).unwrap_or(mean), 1.0))
+            };
+            let one = |x: usize| {
+                let (mut color, mut covered) = ([0.0; 3], 0.0);
+                for i in 0..RAYS * RAYS {
+                    let (c, m) = ray(at(x, i % RAYS), at(y, i / RAYS));
+                    (0..3).for_each(|k| color[k] += c[k]);
+                    covered += m;
+                }
+                let n = (RAYS * RAYS) as f32;
+                (color.map(|x| x / n), covered / n)
             };
             (0..camera.width).map(one).collect::<Vec<([f32; 3], f32)>>()
         };
@@ -122,7 +141,8 @@ impl<'a> Hull<'a> {
         let (mut sum, mut n) = ([0.0_f64; 3], 0.0);
         for v in self.inputs {
             let pixels = v.picture.color.as_chunks::<3>().0.iter().zip(&v.picture.foreground);
-            for (x, _) in pixels.filter(|(_, m)| **m >= 0.5) {
+            for (x, m) in pixels.filter(|(_, m)| **m >= 0.5) {
+                let x = share(*x, *m);
                 (0..3).for_each(|k| sum[k] += f64::from(x[k]));
                 n += 1.0;
             }
