@@ -35,7 +35,7 @@ use crate::num::{order, par, sum};
 use crate::scene::field::Placement;
 use data_gen::cameras;
 use serde_json::{Value, json};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Images of a set.
 pub const SET: usize = 4;
@@ -318,8 +318,10 @@ fn state_and_image(
     if p.shapes {
         let truth = Subject::new(&p.set, k)?.object.mesh;
         let settings = mesh::Settings { side: CELLS, ..mesh::Settings::default() };
-        // A field without a surface has no distance.
-        if let Ok((mut surface, ..)) = mesh::shape(&field, &settings) {
+        // A field without a surface has no distance; how many have one is a number of its own.
+        let found = mesh::shape(&field, &settings);
+        numbers.insert("has_surface", if found.is_ok() { 1.0 } else { 0.0 });
+        if let Ok((mut surface, ..)) = found {
             for x in &mut surface.positions {
                 *x = at.to_world(x.map(f64::from)).map(|x| x as f32);
             }
@@ -363,16 +365,16 @@ fn output(
     Ok((out, s.image.image))
 }
 
-/// Means over objects, of the numbers that all have, as a JSON record.
+/// Means over objects, each over those that have the number, as a JSON record. Distances of surfaces are over the objects with a
+/// surface, whose part is `has_surface`.
 pub fn means(all: &[Scores]) -> Value {
     let rounds = all.first().map_or(0, |s| s.rounds.len());
     let one = |r: usize| {
         let mut record = json!({ "images": SET * (r + 1) });
-        for name in all[0].rounds[r].keys() {
-            let x: Option<Vec<f64>> = all.iter().map(|s| s.rounds[r].get(name).copied()).collect();
-            if let Some(x) = x {
-                record[name] = json!(sum::tree_f64(&x) / x.len() as f64);
-            }
+        let names: BTreeSet<&str> = all.iter().flat_map(|s| s.rounds[r].keys().copied()).collect();
+        for name in names {
+            let x: Vec<f64> = all.iter().filter_map(|s| s.rounds[r].get(name).copied()).collect();
+            record[name] = json!(sum::tree_f64(&x) / x.len() as f64);
         }
         record
     };

@@ -23,7 +23,7 @@ const ORDERS: &Choices =
     &[("random", "in a random order"), ("sequential", "around the object: every set shows one side")];
 
 /// Numbers that are printed: name, title, digits.
-const COLUMNS: [(&str, &str, usize); 16] = [
+const COLUMNS: [(&str, &str, usize); 17] = [
     ("psnr_db", "PSNR", 2),
     ("hull_db", "hull", 2),
     ("small_hull_db", "at 64²", 2),
@@ -33,6 +33,7 @@ const COLUMNS: [(&str, &str, usize); 16] = [
     ("hull_iou", "of hull", 3),
     ("numerical_normals_deg", "normals", 1),
     ("distance_radii", "surface", 4),
+    ("has_surface", "found", 2),
     ("albedo_db", "albedo", 2),
     ("mean_albedo_db", "of mean", 2),
     ("roughness", "roughness", 3),
