@@ -8,7 +8,7 @@
 use crate::field::page;
 use crate::fit::field::place::{Pose, around, placement, posed, unit_ball, upright};
 use crate::fit::field::scores::means;
-use crate::fit::field::targets::{Picture, Pictures};
+use crate::fit::field::targets::{Picture, Pictures, Target};
 use crate::fit::field::{Scores, score, view};
 use crate::fit::render::flat_name;
 use crate::fit::training::Watch;
@@ -201,21 +201,28 @@ impl Job<'_> {
         meter.lap("transformer");
         let field = ready.decode(&tokens, self.look, place);
         meter.lap("decoding");
-        let mut read_so_far = before.map_or_else(Vec::new, |s| s.sets);
+        let (mut read_so_far, mut images) = before.map_or_else(Default::default, |s| (s.sets, s.images));
         read_so_far.extend(sets.iter().map(Vec::len));
+        images.extend(self.sets.iter().flatten().map(|i| pictures.pictures[*i].name.clone()));
         let state = State {
             tokens,
             placement: place,
             config: model.config,
             model: digest(&model.params),
             sets: read_so_far,
+            images,
             exposure: pictures.exposure,
         };
         state.write(&dir.join(STATE))?;
         field.write(&dir.join(FIELD))?;
         let targets = pictures.targets(place);
+        let (seen, held_out): (Vec<&Target>, Vec<&Target>) =
+            targets.test.iter().partition(|t| state.images.contains(&t.name));
+        if !seen.is_empty() {
+            meter.note(&format!("{} of the capture's test images were read and are not scored", seen.len()));
+        }
         let cells = view::occupancy(&field)?;
-        let scored = targets.test.iter().map(|t| score(&field, &cells, t)).collect::<Result<Vec<_>>>()?;
+        let scored = held_out.into_iter().map(|t| score(&field, &cells, t)).collect::<Result<Vec<_>>>()?;
         meter.lap("evaluation");
         let outcome = self.outcome(&state, &field, &scored, dir, meter)?;
         Ok(Made { state, field, scored, outcome })

@@ -27,8 +27,8 @@ struct Common {
     /// Images of a set: the state is updated after each [default: all at once]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     images_per_set: Option<u32>,
-    /// Cut a square around the object out of every image and bring it to this many pixels, a multiple of 8 [default: square images are
-    /// shrunk as a whole to the 64 pixels that the model was trained with, others are cut to 64]
+    /// Cut a square around the object out of every image and bring it to this many pixels, a multiple of 8 [default: square images
+    /// of 64, 128, 192 … pixels are shrunk as a whole to the 64 that the model was trained with, others are cut to 64]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(8..=4096))]
     crop_side: Option<u32>,
     /// Shrink the images by a whole factor, averaging blocks of pixels, and read all of them
@@ -38,8 +38,8 @@ struct Common {
     #[arg(long)]
     allow_outside: bool,
     /// Steps of a ray along the diagonal of the box
-    #[arg(long, value_name = "N", default_value_t = 192)]
-    samples: usize,
+    #[arg(long, value_name = "N", default_value_t = 192, value_parser = clap::value_parser!(u32).range(1..=4096))]
+    samples: u32,
     /// 1/β, the largest density [default: that of the last step of the training]
     #[arg(long, value_name = "X")]
     inverse_beta: Option<f32>,
@@ -138,6 +138,9 @@ fn made(args: &Common, capture: &Path, start: Start, kind: &'static str) -> Resu
     if let Some(side) = args.crop_side.filter(|side| !side.is_multiple_of(8)) {
         return Err(Error::input("--crop-side").expected("a multiple of 8").got(side.to_string()));
     }
+    if let Some(x) = args.inverse_beta.filter(|x| !(*x > 0.0 && x.is_finite())) {
+        return Err(Error::input("--inverse-beta").expected("a number above 0").got(x.to_string()));
+    }
     let options = read::options(args.downscale.unwrap_or(1), args.allow_outside);
     let exposure = match &start {
         Start::State(state) => Some(state.exposure),
@@ -157,7 +160,7 @@ fn made(args: &Common, capture: &Path, start: Start, kind: &'static str) -> Resu
         pictures: &pictures,
         sets: which.chunks(of_set).map(<[usize]>::to_vec).collect(),
         size: args.size(),
-        look: Look::of_field(args.samples, inverse_beta),
+        look: Look::of_field(args.samples as usize, inverse_beta),
         settings: json!({
             "capture": capture, "model": name, "inputs": args.inputs, "images_per_set": args.images_per_set, "crop_side": args.crop_side,
             "downscale": args.downscale, "samples": args.samples, "inverse_beta": inverse_beta,

@@ -6,8 +6,8 @@
 //! | `placement/center`, `placement/scale`, `placement/rotation` | (3), (1), (3, 3) | x = Q·(X − centre)·scale |
 //!
 //! Metadata: `kind`, `version`, `configuration` of the model, `model` (digest of its weights), `sets` (numbers of images, in the order in
-//! which they were read), `exposure` (factor from radiance to the images). The arrays do not grow with the number of images; the list of
-//! sets does, by a few bytes per set.
+//! which they were read), `images` (their names, which are not scored as held-out images later), `exposure` (factor from radiance to the
+//! images). The arrays do not grow with the number of images; the two lists do, by a few bytes per image.
 
 use super::config::Config;
 use crate::io::safetensors;
@@ -35,6 +35,8 @@ pub struct State {
     pub model: String,
     /// Numbers of images, set by set.
     pub sets: Vec<usize>,
+    /// Names of the images that were read.
+    pub images: Vec<String>,
     /// Factor from radiance to the images.
     pub exposure: f64,
 }
@@ -58,6 +60,7 @@ impl State {
             ("configuration".to_owned(), self.config.json().to_string()),
             ("model".to_owned(), self.model.clone()),
             ("sets".to_owned(), sets.join(" ")),
+            ("images".to_owned(), serde_json::Value::from(self.images.clone()).to_string()),
             ("exposure".to_owned(), self.exposure.to_string()),
         ]);
         safetensors::write(path, &arrays, &meta)
@@ -90,6 +93,9 @@ fn parse(arrays: &Arrays, meta: &BTreeMap<String, String>) -> Result<State> {
     };
     let sets: Option<Vec<usize>> = text("sets")?.split_whitespace().map(|n| n.parse().ok()).collect();
     let Some(sets) = sets else { return Err(wrong("sets", "numbers of images")?) };
+    let Ok(images) = serde_json::from_str(text("images")?) else {
+        return Err(wrong("images", "a list of names")?);
+    };
     let exposure: Option<f64> = text("exposure")?.parse().ok().filter(|e: &f64| *e > 0.0 && e.is_finite());
     let Some(exposure) = exposure else { return Err(wrong("exposure", "a factor above 0")?) };
     let mut sizes = BTreeMap::new();
@@ -115,7 +121,7 @@ fn parse(arrays: &Arrays, meta: &BTreeMap<String, String>) -> Result<State> {
         scale: scale[0],
         rotation: std::array::from_fn(|r| std::array::from_fn(|c| q[3 * r + c])),
     };
-    Ok(State { tokens, placement, config, model: text("model")?.clone(), sets, exposure })
+    Ok(State { tokens, placement, config, model: text("model")?.clone(), sets, images, exposure })
 }
 
 #[cfg(test)]
@@ -136,6 +142,7 @@ mod tests {
             config,
             model: "0123456789abcdef".to_owned(),
             sets: vec![4, 3],
+            images: ["0001.png", "a \"b\".png"].map(str::to_owned).into(),
             exposure: 1.7,
         };
         let path = dir.path().join(FILE);
@@ -156,6 +163,8 @@ mod tests {
         assert!(e.contains("more"), "{e}");
         let e = write(&|_, m| drop(m.insert("sets".to_owned(), "4 x".to_owned())));
         assert!(e.contains("sets"), "{e}");
+        let e = write(&|_, m| drop(m.insert("images".to_owned(), "[1]".to_owned())));
+        assert!(e.contains("images"), "{e}");
         let e = write(&|_, m| drop(m.insert("exposure".to_owned(), "0".to_owned())));
         assert!(e.contains("exposure"), "{e}");
         let e = write(&|_, m| drop(m.remove("model")));
