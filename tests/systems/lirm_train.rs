@@ -177,19 +177,22 @@ fn objects_of_a_set_are_those_in_memory() {
     let dir = tempfile::tempdir().expect("a folder");
     let of = Rendered::new(0);
     let settings = set::Settings { lighting: set::Lighting::Uniform, shiny: false, ..of.settings().clone() };
-    let e = Stored::open(dir.path()).expect_err("an empty folder").to_string();
+    let [stage, whole] = ["1a", "2a"].map(|name| Stage::named(name).expect("a stage"));
+    let e = Stored::open(dir.path(), &stage).expect_err("an empty folder").to_string();
     assert!(e.contains("dataset.json"), "{e}");
     set::run(dir.path(), &settings, false, &AtomicBool::new(false), &mut |_, _, _| {}).expect("a set");
-    let stored = Stored::open(dir.path()).expect("a set");
+    let stored = Stored::open(dir.path(), &stage).expect("a set");
+    let e = Stored::open(dir.path(), &whole).expect_err("no maps").to_string();
+    assert!(e.contains("environment") && e.contains("--lighting both"), "{e}");
     let [a, b] = [stored.object(3, "uniform"), of.object(0, "uniform")].map(|x| x.expect("object 3 mod 1"));
     let colors = |views: &Views| views.all.iter().map(|v| v.picture.color.clone()).collect::<Vec<_>>();
     assert_eq!(colors(&a), colors(&b));
     assert_eq!(a.placement, b.placement);
     assert!(stored.object(0, "shiny").is_err(), "the set has no such version");
-    assert_ne!(stored.distances(0).expect("its mesh"), Distances::default());
+    assert_eq!(stored.distances(0).expect("its mesh"), of.distances(0).expect("the same"));
     let small = dir.path().join("small");
     let settings = set::Settings { views: 2, size: 16, samples: 1, ..settings };
     set::run(&small, &settings, false, &AtomicBool::new(false), &mut |_, _, _| {}).expect("a set");
-    let e = Stored::open(&small).expect_err("two images").to_string();
+    let e = Stored::open(&small, &stage).expect_err("two images").to_string();
     assert!(e.contains("20 images of 128x128"), "{e}");
 }

@@ -40,7 +40,7 @@ const STAGES: &Choices = &[
   lastlight lirm train --stage 1a --from a --out s1a        the remaining steps, with fresh moments
   lastlight lirm train set --stage 1a --out s1a             objects of lirm gen --views 20 --size 128 --lighting both --shiny
 
-Objects are rendered in memory with the pixels of lirm gen (20 images of 128x128 with 8 samples per pixel); each is in twelve steps, turned about the vertical by a drawn angle. Written to --out: model.safetensors (half precision, for --from), a checkpoint, result.json and report/index.html. The number of threads changes the time, not the result.")]
+Objects are rendered in memory with the pixels of lirm gen (20 images of 128x128 with 8 samples per pixel); each is in twelve steps, turned about the vertical by a drawn angle (with axes of the first image this changes nothing but rounding). Written to --out: model.safetensors (half precision, for --from), a checkpoint, result.json and report/index.html. The number of threads changes the time, not the result.")]
 pub(crate) struct Args {
     /// Set of lirm gen to train on, 20 images of 128x128 per object [default: built-in objects, rendered in memory]
     #[arg(value_name = "DIR")]
@@ -149,7 +149,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     };
     meter.lap("reading");
     let rendered = Rendered::new(args.filling.seed);
-    let stored = args.data.as_deref().map(Stored::open).transpose()?;
+    let stored = args.data.as_deref().map(|dir| Stored::open(dir, &settings.stage)).transpose()?;
     let source: &dyn Source = match &stored {
         Some(stored) => stored,
         None => &rendered,

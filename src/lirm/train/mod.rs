@@ -236,14 +236,14 @@ impl<'a> Training<'a> {
         if self.settings.recompute { Keep::Inputs } else { Keep::All }
     }
 
-    /// The losses of some objects of a step, and their gradients by object.
+    /// The losses of some objects of a step, and their gradients, both by object.
     fn losses(
         &self,
         ready: &Ready<'_>,
         objects: &[Object],
         step: usize,
         watch: &mut dyn Watch,
-    ) -> Result<(f32, Vec<Gradients>)> {
+    ) -> Result<(Vec<f32>, Vec<Gradients>)> {
         let look = self.settings.stage.look(step);
         let mut states: Vec<Vec<f32>> = objects.iter().map(|_| ready.no_state()).collect();
         let mut sums: Vec<Option<Gradients>> = objects.iter().map(|_| None).collect();
@@ -296,8 +296,7 @@ impl<'a> Training<'a> {
                 }
             }
         }
-        let loss = losses.iter().fold(0.0, |sum, x| sum + x);
-        Ok((loss, sums.into_iter().flatten().collect()))
+        Ok((losses, sums.into_iter().flatten().collect()))
     }
 }
 
@@ -335,16 +334,17 @@ impl Fit for Training<'_> {
         self.pool.fill(&draws, i).map_err(named)?;
         watch.lap("objects");
         let ready = Ready::new(self.config, &self.params);
-        let (mut loss, mut total) = (0.0, ready.zeros());
+        let (mut losses, mut total) = (Vec::with_capacity(s.batch), ready.zeros());
         let places: Vec<usize> = (0..s.batch).collect();
         for some in places.chunks(s.at_once) {
             let objects = par::map(some.len(), |j| Object::new(&draws, &self.config, i, some[j], &self.pool));
             let objects = objects.into_iter().collect::<Result<Vec<_>>>().map_err(named)?;
             watch.lap("inputs");
             let (part, gradients) = self.losses(&ready, &objects, i, watch).map_err(named)?;
-            loss += part;
+            losses.extend(part);
             gradients.iter().for_each(|g| total.add(g));
         }
+        let loss = losses.iter().fold(0.0, |sum, x| sum + x);
         let mut grads = ready.finish(total);
         if !loss.is_finite() {
             return Err(named(

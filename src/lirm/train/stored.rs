@@ -5,7 +5,7 @@
 
 use super::distances::Distances;
 use super::source::Source;
-use super::stage::{SIDE, VIEWS};
+use super::stage::{SIDE, Stage, VERSIONS, VIEWS};
 use crate::fit::field::targets::Pictures;
 use crate::io::read_bytes;
 use crate::lirm::folder::{FORMAT, RECORD};
@@ -21,19 +21,25 @@ use std::path::{Path, PathBuf};
 /// Largest accepted size of the record of a set.
 const MOST_BYTES: u64 = 1 << 26;
 
+/// A text of a record without quotes.
+fn plain(x: &Value) -> &str {
+    x.as_str().unwrap_or_default()
+}
+
 /// The objects of a set.
 #[derive(Clone, Debug)]
 pub struct Stored {
     objects: Vec<PathBuf>,
     digest: String,
+    seed: u64,
 }
 
 impl Stored {
-    /// Opens a set.
+    /// Opens a set for a stage.
     ///
     /// # Errors
-    /// If the folder is not that of a complete set, or its images are not those that a training reads.
-    pub fn open(dir: &Path) -> Result<Self> {
+    /// If the folder is not that of a complete set, its images are not those that a training reads, or a light of the stage is missing.
+    pub fn open(dir: &Path, stage: &Stage) -> Result<Self> {
         let named = |expected: &str, got: &str| {
             Error::input(dir.display().to_string()).expected(expected.to_owned()).got(got.to_owned())
         };
@@ -43,18 +49,36 @@ impl Stored {
             return Err(named("the folder of a complete set of lirm gen", "another, or an interrupted one"));
         }
         let settings = &record["settings"];
-        if settings["size"] != SIDE || settings["views"] != VIEWS {
+        if settings["size"] != SIDE || settings["views"] != VIEWS || settings["set"] != "train" {
             return Err(named(
-                &format!("{VIEWS} images of {SIDE}x{SIDE} pixels of every object"),
-                &format!("{} of {}", settings["views"], settings["size"]),
+                &format!("{VIEWS} images of {SIDE}x{SIDE} pixels of every object, by --cameras train"),
+                &format!(
+                    "{} of {}, by --cameras {}",
+                    settings["views"],
+                    settings["size"],
+                    plain(&settings["set"])
+                ),
             ));
+        }
+        let lighting = plain(&settings["lighting"]);
+        let has = [lighting != "environment", lighting != "uniform", settings["shiny"] == true];
+        if let Some(i) = (0..3).find(|i| stage.light[*i] > 0.0 && !has[*i]) {
+            let e = named(
+                &format!("objects of the version {}, which stage {} draws", VERSIONS[i], stage.name),
+                "none",
+            );
+            return Err(e.hint("lirm gen --lighting both --shiny makes all versions"));
         }
         let listed = record["objects"].as_array().into_iter().flatten();
         let objects: Vec<PathBuf> = listed.filter_map(|o| Some(dir.join(o["folder"].as_str()?))).collect();
         if objects.is_empty() {
             return Err(named("at least one object", "none"));
         }
-        Ok(Self { objects, digest: record["digest"].as_str().unwrap_or_default().to_owned() })
+        Ok(Self {
+            objects,
+            digest: plain(&record["digest"]).to_owned(),
+            seed: settings["seed"].as_u64().unwrap_or_default(),
+        })
     }
 
     fn folder(&self, k: u64) -> &Path {
@@ -73,7 +97,7 @@ impl Source for Stored {
 
     fn distances(&self, k: u64) -> Result<Distances> {
         let object = model::read(&self.folder(k).join(truth::OBJECT))?;
-        Distances::of(&object.mesh, 0, k % self.objects.len() as u64)
+        Distances::of(&object.mesh, self.seed, k % self.objects.len() as u64)
     }
 
     fn record(&self) -> String {
