@@ -101,8 +101,20 @@ fn a_model_reads_images_and_more_of_them() {
     assert_eq!(two["digest"], one["digest"]);
     assert_eq!(two["sets"], one["sets"]);
     let size = |of: &str| std::fs::metadata(dir.join(of).join("state.safetensors")).expect("a state").len();
-    // One set and four: the list of the numbers of images is longer, and the header is padded to eight bytes.
-    assert!(size("b") - size("a") <= 8, "a state does not grow: {} and {} bytes", size("a"), size("b"));
+    // One set and four: the lists of the numbers of images and of their names are longer, and the header is padded to eight bytes.
+    let listed: usize = names[4..].iter().map(|name| name.len() + "\\\"\\\",".len()).sum();
+    let growth = size("b") - size("a");
+    assert!(growth <= listed as u64 + 3 * 2 + 8, "arrays do not grow: {} and {} bytes", size("a"), size("b"));
+
+    // A test image that is read is not scored.
+    let text = std::fs::read_to_string(dir.join(capture).join("transforms_test.json")).expect("a capture");
+    let frames: Value = serde_json::from_str(&text).expect("JSON");
+    let name = frames["frames"][0]["file_path"].as_str().expect("a name");
+    let seen = json(
+        &["lirm", "update", "a", capture, "--model", "m", "--inputs", name, "--out", "s", "--json", "-q"],
+        dir,
+    );
+    assert_eq!(seen["evaluation"]["views"].as_array().map(Vec::len), Some(11), "{name}");
     let cropped = json(
         &line(&format!(
             "lirm reconstruct {capture} --model n --crop-side 72 --images-per-set 16 --out c --json -q"
