@@ -32,7 +32,7 @@ fn assert_same_in_memory(settings: &Settings, root: &Path, version: &str) {
     let read = Pictures::load(&folder, &options, None).expect("a capture");
     let placement = Placement::new([0.0; 3], 1.0);
     let read = Views::of_capture(&read, &[0, 1, 2], placement).expect("in range");
-    assert_eq!(made.all.len(), read.all.len());
+    assert_eq!(made.all.len(), read.all.len(), "{version}");
     for (a, b) in made.all.iter().zip(&read.all) {
         let (p, q) = (&a.picture, &b.picture);
         assert_eq!((&p.color, &p.foreground, &p.colored), (&q.color, &q.foreground, &q.colored), "{version}");
