@@ -10,6 +10,7 @@
 //! the true foreground, as the model is.
 
 use super::views::View;
+use crate::fit::field::targets::share;
 use crate::num::{order, par};
 use crate::scene::bound::project;
 use crate::scene::camera::Camera;
@@ -44,11 +45,6 @@ pub fn nearest<'a>(inputs: &[&'a View], camera: &Camera) -> &'a View {
     let best =
         (1..inputs.len()).fold(0, |best, i| if cosine(inputs[i]) > cosine(inputs[best]) { i } else { best });
     inputs[best]
-}
-
-/// The object's share of a colour over white.
-fn share(color: [f32; 3], coverage: f32) -> [f32; 3] {
-    color.map(|x| order::max((x - (1.0 - coverage)) / coverage, 0.0))
 }
 
 /// The pixel of a point, if it is in the image.

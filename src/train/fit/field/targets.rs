@@ -255,6 +255,14 @@ pub fn target(p: &Picture, at: &Placement) -> Target {
     }
 }
 
+/// The object's share of a colour over white, (x − (1 − m)) / m within 0 to 1; 0 where the object covers nothing.
+pub fn share(color: [f32; 3], coverage: f32) -> [f32; 3] {
+    match coverage > 0.0 {
+        true => color.map(|x| order::clamp((x - (1.0 - coverage)) / coverage, 0.0, 1.0)),
+        false => [0.0; 3],
+    }
+}
+
 /// Gives all images a common exposure, where they were exposed one by one, and brightens dark objects; returns the factor
 /// from radiance to the images.
 ///
@@ -271,13 +279,10 @@ pub fn expose(pictures: &mut [Picture], given: Option<f64>) -> Result<f64> {
         .iter()
         .zip(&exposures)
         .map(|(p, e)| {
-            // The object's share of a pixel; the white behind it has no exposure.
+            // The white behind the object has no exposure.
             let pixels = p.color.as_chunks::<3>().0.iter().zip(&p.foreground);
-            let share = |(x, m): (&[f32; 3], &f32)| match *m > 0.0 {
-                true => x.map(|x| order::clamp((x - (1.0 - m)) / m, 0.0, 1.0)),
-                false => [0.0; 3],
-            };
-            Photograph { color: pixels.map(share).collect(), foreground: p.foreground.clone(), exposure: *e }
+            let color = pixels.map(|(x, m)| share(*x, *m)).collect();
+            Photograph { color, foreground: p.foreground.clone(), exposure: *e }
         })
         .collect();
     let factor = match given {
