@@ -10,6 +10,7 @@
 //! | `small_hull_db` | the same of the visual hull of the images of 64² that the model reads; the other baselines have those of 128² | dB |
 //! | `ssim` | structural similarity | |
 //! | `foreground_iou`, `hull_iou` | pixels that are covered in both / in one, by half or more | |
+//! | `color`, `gray` | of the mean colours of the object in image and truth, absolute difference, mean over channels; of a gray with the true brightness and the truth | 0 to 1, encoded |
 //! | `numerical_normals_deg` | angle of numerical normals | degrees |
 //! | `depth` | absolute difference of depth | units of the object: the ball has the radius ½ |
 //! | `albedo_db`, `mean_albedo_db` | PSNR of albedo after the least-squares scale of each channel; of the mean of training objects | dB |
@@ -66,6 +67,8 @@ pub enum Control {
     PermutedCameras,
     /// From the second set on, the images show the next object.
     OtherObject,
+    /// Red and green of all images are exchanged.
+    SwappedColors,
 }
 
 /// Numbers by name.
@@ -162,6 +165,23 @@ fn overlap(a: &[f32], b: &[f32]) -> f64 {
     if one == 0 { 1.0 } else { both as f64 / one as f64 }
 }
 
+/// The mean colour of an image (H, W, 3) where the object covers a pixel completely; `None` if it does nowhere.
+fn mean_color(image: &[f32], foreground: &[f32]) -> Option<[f64; 3]> {
+    let pixels = image.as_chunks::<3>().0.iter().zip(foreground);
+    let (mut sum, mut n) = ([0.0; 3], 0.0);
+    for (x, _) in pixels.filter(|(_, m)| **m == 1.0) {
+        (0..3).for_each(|c| sum[c] += f64::from(x[c]));
+        n += 1.0;
+    }
+    (n > 0.0).then(|| sum.map(|s| s / n))
+}
+
+/// The mean absolute difference of two colours.
+fn difference(a: [f64; 3], b: [f64; 3]) -> f64 {
+    let of = |c: usize| (a[c] - b[c]).abs();
+    ((of(0) + of(1)) + of(2)) / 3.0
+}
+
 /// A constant image where the object is.
 fn constant<const N: usize>(target: &Target, value: [f32; N]) -> Vec<f32> {
     target.foreground.iter().flat_map(|m| value.map(|v| v * m + (1.0 - m))).collect()
@@ -181,7 +201,12 @@ fn inputs(
     let input = |of: &Views, i: usize, camera: usize| {
         let mut view = of.all[i].clone();
         view.picture.camera = of.all[camera].picture.camera.clone();
-        Input::of(&view, &at, ready.config.is_whole)
+        let mut input = Input::of(&view, &at, ready.config.is_whole);
+        if p.control == Control::SwappedColors {
+            let pixels = [&mut input.image, &mut input.photo].map(|x| x.as_chunks_mut::<3>().0);
+            pixels.into_iter().flatten().for_each(|pixel| pixel.swap(0, 1));
+        }
+        input
     };
     let one = |(set, which): (usize, &[usize])| {
         let of = other.as_ref().filter(|_| set > 0).unwrap_or(&small);
@@ -352,6 +377,12 @@ fn output(
     out.insert("psnr_db", s.image.score.psnr_db);
     out.insert("ssim", s.image.score.ssim);
     out.insert("foreground_iou", overlap(&s.images.opacity, &truth.foreground));
+    let means = [&s.image.image, &truth.color].map(|x| mean_color(x, &truth.foreground));
+    if let [Some(found), Some(wanted)] = means {
+        let brightness = ((wanted[0] + wanted[1]) + wanted[2]) / 3.0;
+        out.insert("color", difference(found, wanted));
+        out.insert("gray", difference([brightness; 3], wanted));
+    }
     if let Some((albedo, material)) = p.means.filter(|_| m.albedo_db.is_some()) {
         let (albedo, material) = (constant(truth, albedo), constant(truth, material));
         let m = scores::materials(Some(&albedo), Some(&material), truth)?;

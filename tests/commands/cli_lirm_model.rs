@@ -205,7 +205,7 @@ fn a_study_runs_and_its_report_can_be_made_again() {
     assert_eq!(all.len(), 9, "{study}");
     let of = |id: &str| all.iter().find(|x| x["id"] == id).expect("an experiment");
     assert_eq!(of("rounds")["rows"].as_array().map(Vec::len), Some(2), "two orders");
-    assert_eq!(of("controls")["rows"].as_array().map(Vec::len), Some(4), "four kinds of inputs");
+    assert_eq!(of("controls")["rows"].as_array().map(Vec::len), Some(5), "five kinds of inputs");
     assert!(of("materials")["verdict"].as_str().is_some_and(|v| v.contains("no materials")), "a plain model");
     assert_eq!(of("variants")["rows"].as_array().map(Vec::len), Some(11), "five models and six differences");
     let again =

@@ -23,7 +23,7 @@ const ORDERS: &Choices =
     &[("random", "in a random order"), ("sequential", "around the object: every set shows one side")];
 
 /// Numbers that are printed: name, title, digits.
-const COLUMNS: [(&str, &str, usize); 17] = [
+const COLUMNS: [(&str, &str, usize); 19] = [
     ("psnr_db", "PSNR", 2),
     ("hull_db", "hull", 2),
     ("small_hull_db", "at 64²", 2),
@@ -31,6 +31,8 @@ const COLUMNS: [(&str, &str, usize); 17] = [
     ("ssim", "SSIM", 3),
     ("foreground_iou", "IoU", 3),
     ("hull_iou", "of hull", 3),
+    ("color", "colour", 3),
+    ("gray", "of gray", 3),
     ("numerical_normals_deg", "normals", 1),
     ("distance_radii", "surface", 4),
     ("has_surface", "found", 2),
@@ -49,6 +51,7 @@ const CONTROLS: &Choices = &[
     ("zeroed-state", "the state is zero before every set after the first"),
     ("permuted-cameras", "the images of every set have each other's cameras"),
     ("other-object", "from the second set on, the images show another object"),
+    ("swapped-colors", "red and green of all images are exchanged"),
 ];
 
 /// Score a LIRM model on built-in objects, after every set of four images.
@@ -111,6 +114,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
             "zeroed-state" => Control::ZeroedState,
             "permuted-cameras" => Control::PermutedCameras,
             "other-object" => Control::OtherObject,
+            "swapped-colors" => Control::SwappedColors,
             _ => Control::None,
         },
         sets: usize::from(args.sets),

@@ -74,6 +74,7 @@ pub fn controls(setup: &Setup) -> Scoring<'_> {
         broken(ZEROED, Control::ZeroedState),
         broken(PERMUTED, Control::PermutedCameras),
         broken(OTHER, Control::OtherObject),
+        broken(SWAPPED, Control::SwappedColors),
     ];
     Scoring { id: "controls", setup, rows, report: of_controls }
 }
@@ -90,6 +91,7 @@ const WHOLE: &str = "unbroken";
 const ZEROED: &str = "state zeroed before set 2";
 const PERMUTED: &str = "cameras permuted within a set";
 const OTHER: &str = "set 2 of another object";
+const SWAPPED: &str = "red and green exchanged";
 
 impl Experiment for Scoring<'_> {
     fn id(&self) -> &'static str {
@@ -253,7 +255,9 @@ fn of_rounds(x: &Scoring<'_>, results: &[(Cell, Values)]) -> Report {
 }
 
 fn of_controls(x: &Scoring<'_>, results: &[(Cell, Values)]) -> Report {
-    let names: Vec<(String, usize)> = (1..=2).map(|set| (format!("psnr_db_{set}"), 2)).collect();
+    let mut names: Vec<(String, usize)> = (1..=2).map(|set| (format!("psnr_db_{set}"), 2)).collect();
+    names.extend([("color_2".into(), 3), ("gray_2".into(), 3)]);
+    let colors = paired(results, [SWAPPED, WHOLE], "color_2").mean;
     let [gain, zeroed, permuted, other] = [
         Summary::of(&of(results, WHOLE, "psnr_db_2")).mean
             - Summary::of(&of(results, WHOLE, "psnr_db_1")).mean,
@@ -265,13 +269,13 @@ fn of_controls(x: &Scoring<'_>, results: &[(Cell, Values)]) -> Report {
     Report {
         id: x.id,
         claim: "A zeroed state costs what the second set had gained (± 0.2 dB); wrong cameras or another object cost at least 3 dB.",
-        head: vec!["inputs", ">set 1, dB", ">set 2, dB"],
+        head: vec!["inputs", ">set 1, dB", ">set 2, dB", ">error of colour, set 2", ">of gray"],
         rows: rows(results).iter().map(|row| line(results, row, &names)).collect(),
         chart_labels: BY_IMAGES,
         chart: curves(results, false),
         outcome: Outcome::of((!results.is_empty()).then_some(met)),
         verdict: format!(
-            "The second set gains {gain:.2} dB; the zeroed state costs {zeroed:.2}, permuted cameras {permuted:.2}, another object {other:.2}."
+            "The second set gains {gain:.2} dB; the zeroed state costs {zeroed:.2}, permuted cameras {permuted:.2}, another object {other:.2}. Exchanged colours raise the error of the mean colour by {colors:.3}."
         ),
     }
 }
