@@ -10,7 +10,7 @@
 //! | `small_hull_db` | the same of the visual hull of the images of 64² that the model reads; the other baselines have those of 128² | dB |
 //! | `ssim` | structural similarity | |
 //! | `foreground_iou`, `hull_iou` | pixels that are covered in both / in one, by half or more | |
-//! | `color`, `gray` | of the mean colours of the object in image and truth, absolute difference, mean over channels; of a gray with the true brightness and the truth | 0 to 1, encoded |
+//! | `color`, `gray` | of the mean colours of the object in image and truth, absolute difference, mean over channels; of a grey with the true brightness and the truth | 0 to 1, encoded |
 //! | `numerical_normals_deg` | angle of numerical normals | degrees |
 //! | `depth` | absolute difference of depth | units of the object: the ball has the radius ½ |
 //! | `albedo_db`, `mean_albedo_db` | PSNR of albedo after the least-squares scale of each channel; of the mean of training objects | dB |

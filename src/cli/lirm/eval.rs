@@ -32,7 +32,7 @@ const COLUMNS: [(&str, &str, usize); 19] = [
     ("foreground_iou", "IoU", 3),
     ("hull_iou", "of hull", 3),
     ("color", "colour", 3),
-    ("gray", "of gray", 3),
+    ("gray", "of grey", 3),
     ("numerical_normals_deg", "normals", 1),
     ("distance_radii", "surface", 4),
     ("has_surface", "found", 2),

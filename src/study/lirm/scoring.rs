@@ -269,7 +269,7 @@ fn of_controls(x: &Scoring<'_>, results: &[(Cell, Values)]) -> Report {
     Report {
         id: x.id,
         claim: "A zeroed state costs what the second set had gained (± 0.2 dB); wrong cameras or another object cost at least 3 dB.",
-        head: vec!["inputs", ">set 1, dB", ">set 2, dB", ">error of colour, set 2", ">of gray"],
+        head: vec!["inputs", ">set 1, dB", ">set 2, dB", ">error of colour, set 2", ">of grey"],
         rows: rows(results).iter().map(|row| line(results, row, &names)).collect(),
         chart_labels: BY_IMAGES,
         chart: curves(results, false),
