@@ -17,6 +17,10 @@
 //! | `roughness`, `mean_roughness`, `metallic`, `mean_metallic` | absolute error | |
 //! | `distance_radii` | mean distance between the surfaces, samples to triangles | radii of the object |
 //!
+//! # Colours
+//! Built-in objects are nearly grey: a model that ignores hue loses little. With a tint ([`Protocol::tint`]) every object has a random colour,
+//! `gray` becomes large, and `color` shows whether the model has read it.
+//!
 //! # Controls
 //! [`Control`] breaks one input of the model: a score that does not fall has not used it.
 
@@ -26,14 +30,15 @@ use super::model::decode::Look;
 use super::model::transformer::Input;
 use super::model::weights::Ready;
 use super::subject::Subject;
-use super::views::{View, Views};
-use crate::Result;
+use super::views::{View, Views, tint};
 use crate::fit::evaluate::compare;
 use crate::fit::field::benchmark::Shape;
 use crate::fit::field::targets::target;
 use crate::fit::field::{Target, mesh, scores, view};
+use crate::num::rng::Rng;
 use crate::num::{order, par, sum};
 use crate::scene::field::Placement;
+use crate::{Error, Result};
 use data_gen::cameras;
 use serde_json::{Value, json};
 use std::collections::{BTreeMap, BTreeSet};
@@ -46,6 +51,9 @@ const SIDES: [usize; 2] = [128, 64];
 const CELLS: usize = 96;
 /// Training objects whose materials are averaged, and their images.
 const MEANS: [u64; 2] = [24, 4];
+
+/// Tint of an object; the item is the object.
+const TINT: u16 = 0x0557;
 
 /// Order of the inputs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -98,6 +106,8 @@ pub struct Protocol {
     pub look: Look,
     /// What is broken on purpose.
     pub control: Control,
+    /// Largest part that a channel of an object's colours loses in all images ([`super::views::tint`]); 0: the colours stay.
+    pub tint: f64,
     /// Sets that the model reads, of four.
     pub sets: usize,
     /// Outputs that are compared, of twelve.
@@ -242,17 +252,23 @@ pub fn axes(ready: &Ready<'_>, p: &Protocol, k: u64, views: &Views) -> Result<Pl
     views.posed(ready.config.pose, &order_of(p, k)[..SET])
 }
 
+/// The images of an object with the protocol's tint.
+fn tinted(p: &Protocol, k: u64, views: Views) -> Views {
+    let rng = Rng::new(p.set.seed);
+    views.lit(tint(1.0, p.tint, std::array::from_fn(|c| rng.uniform_f64(k, 0, TINT, c as u16))))
+}
+
 /// Scores a model on an object of a test set.
 ///
 /// # Errors
 /// If the object cannot be made, or a render is not finite.
 pub fn object(ready: &Ready<'_>, p: &Protocol, k: u64) -> Result<Scores> {
-    let rendered = |k: u64| Views::rendered(&p.set, k, &p.version);
+    let rendered = |k: u64| Ok::<_, Error>(tinted(p, k, Views::rendered(&p.set, k, &p.version)?));
     let other = (p.control == Control::OtherObject).then(|| rendered(k + 1)).transpose()?;
     views(ready, p, k, &rendered(k)?, other.as_ref())
 }
 
-/// [`object`] with images that are there: those of object k, and those that the sets after the first show instead.
+/// [`object`] with images that are there, without a tint: those of object k, and those that the sets after the first show instead.
 ///
 /// # Errors
 /// If a render is not finite.

@@ -128,19 +128,25 @@ impl Views {
         self
     }
 
-    /// Multiplies the encoded colours of the object in all images by a factor, at most to 1; what is behind it stays. Of a pixel that is
-    /// covered in part, the photo does not show which share is the object's, so the factor is mixed with 1 by coverage.
+    /// Multiplies the encoded colours of the object in all images by a factor per channel, at most to 1; what is behind it stays. Of a pixel that is
+    /// covered in part, the photo does not show which share is the object's, so the factor is mixed with 1 by coverage. The pass of encoded
+    /// albedo is multiplied by the factors over their largest: a colour of diffuse reflection is proportional to its albedo, and a power of it
+    /// encodes both. (Exact without the linear part of sRGB, and without gloss.)
     #[must_use]
-    pub fn lit(mut self, factor: f32) -> Self {
-        if factor == 1.0 {
+    pub fn lit(mut self, factors: [f32; 3]) -> Self {
+        if factors == [1.0; 3] {
             return self;
         }
+        let most = order::max(order::max(factors[0], factors[1]), factors[2]);
         for View { picture, photo } in &mut self.all {
             for (x, m) in picture.color.as_chunks_mut::<3>().0.iter_mut().zip(&picture.foreground) {
-                *x = x.map(|x| order::min(factor * (x - (1.0 - m)), *m) + (1.0 - m));
+                *x = std::array::from_fn(|c| order::min(factors[c] * (x[c] - (1.0 - m)), *m) + (1.0 - m));
             }
             for (x, m) in photo.as_chunks_mut::<3>().0.iter_mut().zip(&picture.foreground) {
-                *x = x.map(|x| order::min((1.0 + m * (factor - 1.0)) * x, 1.0));
+                *x = std::array::from_fn(|c| order::min((1.0 + m * (factors[c] - 1.0)) * x[c], 1.0));
+            }
+            for x in picture.passes.albedo.iter_mut().flatten() {
+                *x = std::array::from_fn(|c| factors[c] / most * x[c]);
             }
         }
         self
@@ -184,6 +190,13 @@ impl Views {
     pub fn target(&self, i: usize) -> Target {
         targets::target(&self.all[i].picture, &self.placement)
     }
+}
+
+/// Factors of [`Views::lit`] for a random colour: channel c is (1 − strength·u_c) over the largest of the three, times a brightness.
+pub fn tint(brightness: f64, strength: f64, u: [f64; 3]) -> [f32; 3] {
+    let channels = u.map(|u| 1.0 - strength * u);
+    let most = order::max(order::max(channels[0], channels[1]), channels[2]);
+    channels.map(|c| (brightness * c / most) as f32)
 }
 
 /// Part of a row of pixels that output pixel `i` of `n` covers, for a window of `side` pixels from `first` on: indices and weights, which

@@ -83,15 +83,23 @@ fn a_turned_object_looks_the_same_from_turned_cameras() {
 }
 
 #[test]
-fn brightness_leaves_the_background_and_small_images_are_means() {
+fn factors_of_colours_leave_the_background_and_small_images_are_means() {
     let made = Views::rendered(&settings(), 5, "uniform").expect("an object");
-    let dark = made.clone().lit(0.5);
+    let factors = [0.5, 0.25, 0.125];
+    let dark = made.clone().lit(factors);
     for (a, b) in made.all.iter().zip(&dark.all) {
-        for ((x, y), m) in a.picture.color.iter().zip(&b.picture.color).step_by(3).zip(&a.picture.foreground)
-        {
-            let expected = 0.5 * (x - (1.0 - m)) + (1.0 - m);
-            assert!((y - expected).abs() < 1e-6, "{x} {y} {m}");
+        let pixels = a.picture.color.as_chunks::<3>().0.iter().zip(b.picture.color.as_chunks::<3>().0);
+        for ((x, y), m) in pixels.zip(&a.picture.foreground) {
+            for c in 0..3 {
+                let expected = factors[c] * (x[c] - (1.0 - m)) + (1.0 - m);
+                assert!((y[c] - expected).abs() < 1e-6, "{x:?} {y:?} {m}");
+            }
         }
+        let albedo = |v: &lastlight::lirm::views::View| v.picture.passes.albedo.clone().expect("a pass");
+        let is_tinted = |(x, y): (&[f32; 3], [f32; 3])| {
+            (0..3).all(|c| (y[c] - x[c] * factors[c] / factors[0]).abs() < 1e-6)
+        };
+        assert!(albedo(a).iter().zip(albedo(b)).all(is_tinted), "albedo has the tint but not the brightness");
     }
     let small = made.small(4).expect("32 is a multiple of 4");
     let p = &small.all[1].picture;

@@ -1,11 +1,11 @@
 //! `lirm eval`: a model on built-in objects that it was not trained on.
 
 use super::weights;
-use crate::Result;
 use crate::choices::{Choices, choices};
 use crate::console as cli;
 use crate::fit::training::Watch;
 use crate::meter::Meter;
+use crate::{Error, Result};
 use lastlight_lirm::evaluate::{self, Control, Order, Protocol};
 use lastlight_lirm::model::decode::Look;
 use lastlight_lirm::model::weights::Ready;
@@ -90,6 +90,9 @@ pub(crate) struct Args {
     /// Break one input of the model: a score that does not fall has not used it
     #[arg(long, value_name = "NAME", default_value = "none", value_parser = choices(CONTROLS))]
     control: String,
+    /// Multiply the colours of every object by a random one, whose channels lose up to this part of the largest: built-in objects are nearly grey
+    #[arg(long, value_name = "X", default_value_t = 0.0)]
+    tint: f64,
     /// Sets that are read
     #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u8).range(1..=4))]
     sets: u8,
@@ -102,6 +105,9 @@ pub(crate) struct Args {
 }
 
 pub(super) fn run(args: &Args) -> Result<()> {
+    if !(0.0..=1.0).contains(&args.tint) {
+        return Err(Error::input("--tint").expected("0 to 1").got(args.tint.to_string()));
+    }
     let mut meter = Meter::new();
     let (model, name) = weights::model(args.model.as_deref(), &meter)?;
     let ready = Ready::new(model.config, &model.params);
@@ -117,6 +123,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
             "swapped-colors" => Control::SwappedColors,
             _ => Control::None,
         },
+        tint: args.tint,
         sets: usize::from(args.sets),
         outputs: 12,
         means: model.config.is_whole.then(|| evaluate::means_of_materials(0, &args.light)).transpose()?,
@@ -132,7 +139,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let means = evaluate::means(&all);
     let objects: Vec<Value> = all.iter().map(|s| json!({ "object": s.object, "rounds": s.rounds })).collect();
     let record = json!({
-        "model": name, "stages": model.stages(), "light": args.light, "order": args.input_order, "control": args.control,
+        "model": name, "stages": model.stages(), "light": args.light, "order": args.input_order, "control": args.control, "tint": args.tint,
         "seed": args.seed, "inverse_beta": p.look.inverse_beta,
         "rounds": means, "objects": objects,
     });

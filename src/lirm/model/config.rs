@@ -59,7 +59,7 @@ impl Fuse {
 pub enum FirstValues {
     /// Heads with a gain of ¼, other weights with a deviation of 0.02, random place tokens.
     Published,
-    /// Heads with a gain of ½ (distances, so that the first surface is still about a ball) and 1, other weights with a deviation of
+    /// Heads with a gain of ½ (distances, so that the first surface is still about a ball) and 2, other weights with a deviation of
     /// 0.02·√(1024/D), place tokens that are projections of their positions ([`super::places`]).
     #[default]
     Scaled,
@@ -87,7 +87,7 @@ impl FirstValues {
         match self {
             Self::Published => 0.25,
             Self::Scaled if head == "sdf" => 0.5,
-            Self::Scaled => 1.0,
+            Self::Scaled => 2.0,
         }
     }
 

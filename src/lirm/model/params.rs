@@ -12,7 +12,7 @@
 //! | `…/g` | the rows of `v` | the length of each row of `v`, so that the weights are those of `v` |
 //! | `…/gain`, `…/bias` of a LayerNorm | (D) | 1, 0 |
 //! | other biases | | 0 |
-//! | `heads/NAME/L` | (outputs, inputs) | Xavier-uniform with a gain of ½ (`sdf`) or 1 |
+//! | `heads/NAME/L` | (outputs, inputs) | Xavier-uniform with a gain of ½ (`sdf`) or 2 |
 //!
 //! The table has the values of [`FirstValues::Scaled`], where σ is 0.02·√(1024/D). [`FirstValues::Published`] has σ = 0.02, random place tokens, and a gain of ¼.
 //!

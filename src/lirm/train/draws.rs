@@ -1,14 +1,17 @@
 //! Random choices of a training: functions of seed, step and place in the batch.
 
 use super::stage::{Stage, USES, VERSIONS, VIEWS};
+use crate::lirm::views::tint;
 use crate::num::rng::Rng;
 
 /// Order of the objects of a block; the step is the number of the order.
 const ORDER: u16 = 0x0551;
 /// Light of an object; the item is the object.
 const LIGHT: u16 = 0x0552;
-/// Of a place in a batch: draw 0 the turn, 1 the brightness, 2 the number of sets, from 3 on their sizes.
+/// Of a place in a batch: draw 0 the turn, 1 the brightness, 2 the number of sets, from 3 on their sizes, from [`TINT`] on the tint.
 const PLACE: u16 = 0x0553;
+/// Draw of the first channel of the tint.
+const TINT: u16 = 16;
 /// Order of the images of a place; its item is the place.
 const IMAGES: u16 = 0x0554;
 
@@ -35,8 +38,8 @@ pub(super) struct Choice {
     pub(super) object: u64,
     /// Angle about the vertical, in radians.
     pub(super) turn: f64,
-    /// Factor of the encoded colours.
-    pub(super) brightness: f32,
+    /// Factors of the encoded colours: brightness times tint, whose largest channel is 1.
+    pub(super) factors: [f32; 3],
     /// Images of every set.
     pub(super) sets: Vec<Vec<usize>>,
     /// All images, in a random order.
@@ -82,6 +85,8 @@ impl Draws<'_> {
         let [dark, bright] = BRIGHTNESS;
         // A white dome is 1 already: brighter colours would be cut off.
         let bright = if self.version(object) == VERSIONS[0] { 1.0 } else { bright };
+        let brightness = dark + (bright - dark) * u(1);
+        let colors = std::array::from_fn(|c| u(TINT + c as u16));
         let images = Rng::new(rng.derive(j as u64, number(step), IMAGES)).permutation(VIEWS, 0, IMAGES);
         let [few, many] = self.stage.images;
         let mut first = 0;
@@ -94,7 +99,7 @@ impl Draws<'_> {
         Choice {
             object,
             turn: std::f64::consts::TAU * u(0),
-            brightness: (dark + (bright - dark) * u(1)) as f32,
+            factors: tint(brightness, self.stage.tint, colors),
             sets: sets.collect(),
             order: Rng::new(rng.derive(j as u64, number(step), PLACE)).permutation(VIEWS, 0, IMAGES),
         }
@@ -122,6 +127,7 @@ impl Choice {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::num::order;
 
     #[test]
     fn every_object_of_a_block_is_in_twelve_batches() {
@@ -145,6 +151,17 @@ mod tests {
             }
         }
         assert_eq!(uses, [USES; 6]);
+        let factors: Vec<[f32; 3]> = (0..200).map(|step| draws.choice(step, 0).factors).collect();
+        let ends = |f: &[f32; 3]| {
+            let [a, b, c] = *f;
+            [order::min(order::min(a, b), c), order::max(order::max(a, b), c)]
+        };
+        let all: Vec<[f32; 2]> = factors.iter().map(ends).collect();
+        let [dark, bright] = BRIGHTNESS.map(|b| b as f32);
+        assert!(all.iter().all(|[_, most]| (dark..=bright).contains(most)), "the largest is the brightness");
+        let least = 1.0 - stage.tint as f32;
+        assert!(all.iter().all(|[low, most]| low / most >= least), "no channel loses more than the tint");
+        assert!(all.iter().any(|[low, most]| low / most < least + 0.1), "and some lose as much");
         assert_eq!(draws.objects(18)[0], stage.first_object + 6, "the next block");
         let shares = (0..4000).filter(|k| draws.version(*k) == "uniform").count();
         assert!((900..1100).contains(&shares), "a quarter under a dome: {shares}");

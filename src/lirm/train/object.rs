@@ -95,7 +95,7 @@ impl Object {
         let at = at.posed(config.pose, &(0..at.all.len()).collect::<Vec<_>>())?;
         let distances = distances.turned(choice.turn, &at);
         let chosen = |which: &[usize]| {
-            let own = all.chosen(which).turned(choice.turn).lit(choice.brightness);
+            let own = all.chosen(which).turned(choice.turn).lit(choice.factors);
             Views { placement: at, ..own }
         };
         let set = |which: &Vec<usize>| {

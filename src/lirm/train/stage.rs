@@ -1,13 +1,13 @@
 //! What a stage of a training is.
 //!
-//! | stage | light | sets | samples | 1/β | target, crop | steps | rate |
-//! |---|---|---|---|---|---|---|---|
-//! | 1a | white dome | 1–2 | 64 | 10 → 40 | 64², 32² | 2 200 | 5·10⁻⁴ → 3.5·10⁻⁴ |
-//! | 1b | white dome | 1–2 | 64 | 40 → 60 | 64², 32² | 2 200 | 3.5·10⁻⁴ → 1.2·10⁻⁴ |
-//! | 1c | white dome | 1–2 | 64 | 60 | 64², 32² | 1 800 | 1.2·10⁻⁴ → 2·10⁻⁵ |
-//! | 2a | ⅜ map, ⅜ shiny, ¼ dome | 1–3 | 96 | 60 → 80 | 128², 32² | 800 | 2·10⁻⁴ → 6·10⁻⁵ |
-//! | 2b | the same | 1–3 | 96 | 80 → 100 | 128², 32² | 800 | 6·10⁻⁵ → 10⁻⁶ |
-//! | 3 | the same | 1–3 | 128 | 100 → 125 | 128², 48² | 400 | 2·10⁻⁵ → 0 |
+//! | stage | light | tint | sets | samples | 1/β | target, crop | steps | rate |
+//! |---|---|---|---|---|---|---|---|---|
+//! | 1a | white dome | 0.85 | 1–2 | 64 | 10 → 40 | 64², 32² | 2 200 | 5·10⁻⁴ → 3.5·10⁻⁴ |
+//! | 1b | white dome | 0.6 | 1–2 | 64 | 40 → 60 | 64², 32² | 2 200 | 3.5·10⁻⁴ → 1.2·10⁻⁴ |
+//! | 1c | white dome | 0.4 | 1–2 | 64 | 60 | 64², 32² | 1 800 | 1.2·10⁻⁴ → 2·10⁻⁵ |
+//! | 2a | ⅜ map, ⅜ shiny, ¼ dome | 0.4 | 1–3 | 96 | 60 → 80 | 128², 32² | 800 | 2·10⁻⁴ → 6·10⁻⁵ |
+//! | 2b | the same | 0.4 | 1–3 | 96 | 80 → 100 | 128², 32² | 800 | 6·10⁻⁵ → 10⁻⁶ |
+//! | 3 | the same | 0.4 | 1–3 | 128 | 100 → 125 | 128², 48² | 400 | 2·10⁻⁵ → 0 |
 //!
 //! The rate rises linearly over the first hundred steps (twenty in stage 3) to the first number, and falls along a cosine to the second. 1/β is
 //! linear; in stage 1a it doubles while the rate rises, and is linear from there. With signed distances it goes from 30 to 60 during this warm-up
@@ -46,6 +46,8 @@ pub struct Stage {
     pub light: [f64; 3],
     /// Largest number of sets of input images.
     pub sets: usize,
+    /// Largest part that a channel of an object's colours loses: an object is multiplied by a random colour, whose largest channel is 1.
+    pub tint: f64,
     /// Smallest and largest number of images of a set.
     pub images: [usize; 2],
     /// Steps of a ray along the diagonal.
@@ -83,6 +85,11 @@ impl Stage {
             rates,
             rise: 100,
             light: [1.0, 0.0, 0.0],
+            tint: match name {
+                "1a" => 0.85,
+                "1b" => 0.6,
+                _ => 0.4,
+            },
             sets: 2,
             images: [3, 6],
             samples: 64,
@@ -203,7 +210,7 @@ impl Stage {
     /// Returns the settings as a flat JSON object.
     pub fn json(&self) -> Value {
         json!({
-            "stage": self.name, "steps": self.steps, "rates": self.rates, "rise": self.rise, "light": self.light,
+            "stage": self.name, "steps": self.steps, "rates": self.rates, "rise": self.rise, "light": self.light, "tint": self.tint,
             "sets": self.sets, "images": self.images, "samples": self.samples, "inverse_beta": self.inverse_beta, "target": self.target,
             "first_object": self.first_object, "points": self.points, "distances": self.distances,
         })
