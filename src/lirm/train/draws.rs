@@ -10,7 +10,7 @@ const ORDER: u16 = 0x0551;
 const LIGHT: u16 = 0x0552;
 /// Of a place in a batch: draw 0 the turn, 1 the brightness, 2 the number of sets, from 3 on their sizes, from [`TINT`] on the tint.
 const PLACE: u16 = 0x0553;
-/// Draw of the first channel of the tint.
+/// Draw of the first channel of the tint; after the channels follows its strength.
 const TINT: u16 = 16;
 /// Order of the images of a place; its item is the place.
 const IMAGES: u16 = 0x0554;
@@ -87,6 +87,7 @@ impl Draws<'_> {
         let bright = if self.version(object) == VERSIONS[0] { 1.0 } else { bright };
         let brightness = dark + (bright - dark) * u(1);
         let colors = std::array::from_fn(|c| u(TINT + c as u16));
+        let strength = self.stage.tint * if self.stage.is_first { 1.0 } else { u(TINT + 3) };
         let images = Rng::new(rng.derive(j as u64, number(step), IMAGES)).permutation(VIEWS, 0, IMAGES);
         let [few, many] = self.stage.images;
         let mut first = 0;
@@ -99,7 +100,7 @@ impl Draws<'_> {
         Choice {
             object,
             turn: std::f64::consts::TAU * u(0),
-            factors: tint(brightness, self.stage.tint, colors),
+            factors: tint(brightness, strength, colors),
             sets: sets.collect(),
             order: Rng::new(rng.derive(j as u64, number(step), PLACE)).permutation(VIEWS, 0, IMAGES),
         }
@@ -161,7 +162,15 @@ mod tests {
         assert!(all.iter().all(|[_, most]| (dark..=bright).contains(most)), "the largest is the brightness");
         let least = 1.0 - stage.tint as f32;
         assert!(all.iter().all(|[low, most]| low / most >= least), "no channel loses more than the tint");
-        assert!(all.iter().any(|[low, most]| low / most < least + 0.1), "and some lose as much");
+        let close = |x: f32| all.iter().filter(|[low, most]| (low / most - x).abs() < 0.1).count();
+        assert!(close(least) > 0 && close(1.0) > 20, "some lose as much, many are nearly grey");
+        let first = Stage::named("1a").expect("a name");
+        let in_first = Draws { stage: &first, ..draws };
+        let strong = (0..200).filter(|step| {
+            let [low, most] = ends(&in_first.choice(*step, 0).factors);
+            low / most < 0.5
+        });
+        assert!(strong.count() > 100, "in stage 1a most objects have a strong colour");
         assert_eq!(draws.objects(18)[0], stage.first_object + 6, "the next block");
         let shares = (0..4000).filter(|k| draws.version(*k) == "uniform").count();
         assert!((900..1100).contains(&shares), "a quarter under a dome: {shares}");

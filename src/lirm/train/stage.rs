@@ -2,17 +2,22 @@
 //!
 //! | stage | light | tint | sets | samples | 1/β | target, crop | steps | rate |
 //! |---|---|---|---|---|---|---|---|---|
-//! | 1a | white dome | 0.85 | 1–2 | 64 | 10 → 40 | 64², 32² | 2 200 | 5·10⁻⁴ → 3.5·10⁻⁴ |
-//! | 1b | white dome | 0.6 | 1–2 | 64 | 40 → 60 | 64², 32² | 2 200 | 3.5·10⁻⁴ → 1.2·10⁻⁴ |
-//! | 1c | white dome | 0.4 | 1–2 | 64 | 60 | 64², 32² | 1 800 | 1.2·10⁻⁴ → 2·10⁻⁵ |
-//! | 2a | ⅜ map, ⅜ shiny, ¼ dome | 0.4 | 1–3 | 96 | 60 → 80 | 128², 32² | 800 | 2·10⁻⁴ → 6·10⁻⁵ |
-//! | 2b | the same | 0.4 | 1–3 | 96 | 80 → 100 | 128², 32² | 800 | 6·10⁻⁵ → 10⁻⁶ |
-//! | 3 | the same | 0.4 | 1–3 | 128 | 100 → 125 | 128², 48² | 400 | 2·10⁻⁵ → 0 |
+//! | 1a | white dome | 0.85, all | 1–2 | 64 | 10 → 40 | 64², 32² | 2 200 | 5·10⁻⁴ → 3.5·10⁻⁴ |
+//! | 1b | white dome | 0–0.85 | 1–2 | 64 | 40 → 60 | 64², 32² | 2 200 | 3.5·10⁻⁴ → 1.2·10⁻⁴ |
+//! | 1c | white dome | 0–0.85 | 1–2 | 64 | 60 | 64², 32² | 1 800 | 1.2·10⁻⁴ → 2·10⁻⁵ |
+//! | 2a | ⅜ map, ⅜ shiny, ¼ dome | 0–0.6 | 1–3 | 96 | 60 → 80 | 128², 32² | 800 | 2·10⁻⁴ → 6·10⁻⁵ |
+//! | 2b | the same | 0–0.6 | 1–3 | 96 | 80 → 100 | 128², 32² | 800 | 6·10⁻⁵ → 10⁻⁶ |
+//! | 3 | the same | 0–0.6 | 1–3 | 128 | 100 → 125 | 128², 48² | 400 | 2·10⁻⁵ → 0 |
 //!
 //! The rate rises linearly over the first hundred steps (twenty in stage 3) to the first number, and falls along a cosine to the second. 1/β is
 //! linear; in stage 1a it doubles while the rate rises, and is linear from there. With signed distances it goes from 30 to 60 during this warm-up
 //! and stays at 60 until stage 2 ([`Stage::with_distances`]). Stages 2 and 3 train all heads and read photos; albedo is compared up to one factor per object. Stage 3 compares numerical normals too, takes samples
 //! in occupied cells only, and ends rays that are opaque. Objects of a stage follow those of the one before.
+//!
+//! In every step the encoded colours of an object are multiplied by a random colour: channel c by (1 − tint·u_c) over the largest of the three, u uniform
+//! in 0..1. The built-in objects are nearly grey (the mean colour of one differs from a grey by 0.05), and a model that is trained on them as they
+//! are learns brightness and no hue ([`crate::book::small_model`]). In stage 1a the tint is 0.85 for every object, until colours are learned; from stage 1b on
+//! it is uniform in 0..0.85 (stages 2 and 3: 0..0.6), so that objects as they are belong to what the model has seen.
 
 use crate::lirm::model::decode::{EARLY_STOP, LEAST_WEIGHT, Look};
 use crate::num::elem::f64 as elem;
@@ -46,7 +51,8 @@ pub struct Stage {
     pub light: [f64; 3],
     /// Largest number of sets of input images.
     pub sets: usize,
-    /// Largest part that a channel of an object's colours loses: an object is multiplied by a random colour, whose largest channel is 1.
+    /// Largest part that a channel of an object's colours loses: an object is multiplied by a random colour, whose largest channel is 1. Stage 1a has
+    /// this strength for every object, the others have random ones up to it.
     pub tint: f64,
     /// Smallest and largest number of images of a set.
     pub images: [usize; 2],
@@ -85,11 +91,7 @@ impl Stage {
             rates,
             rise: 100,
             light: [1.0, 0.0, 0.0],
-            tint: match name {
-                "1a" => 0.85,
-                "1b" => 0.6,
-                _ => 0.4,
-            },
+            tint: 0.85,
             sets: 2,
             images: [3, 6],
             samples: 64,
@@ -104,6 +106,7 @@ impl Stage {
         };
         let whole = |steps, rates, inverse_beta, first_object| Self {
             light: [0.25, 0.375, 0.375],
+            tint: 0.6,
             sets: 3,
             samples: 96,
             target: [128, 32],
