@@ -16,7 +16,7 @@
 //!
 //! In every step the encoded colours of an object are multiplied by a random colour: channel c by (1 − tint·u_c) over the largest of the three, u uniform
 //! in 0..1. The built-in objects are nearly grey (the mean colour of one differs from a grey by 0.05), and a model that is trained on them as they
-//! are learns brightness and no hue ([`crate::book::small_model`]). In stage 1a the tint is 0.85 for every object, until colours are learned; from stage 1b on
+//! are learns brightness and no hue (chapter `small_model` of the book). In stage 1a the tint is 0.85 for every object, until colours are learned; from stage 1b on
 //! it is uniform in 0..0.85 (stages 2 and 3: 0..0.6), so that objects as they are belong to what the model has seen.
 
 use crate::lirm::model::decode::{EARLY_STOP, LEAST_WEIGHT, Look};
