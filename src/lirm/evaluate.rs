@@ -19,7 +19,7 @@
 //!
 //! # Colours
 //! Built-in objects are nearly grey: a model that ignores hue loses little. With a tint ([`Protocol::tint`]) every object has a random colour,
-//! `gray` becomes large, and `color` shows whether the model has read it.
+//! `gray` becomes large, and `color` shows whether the model has read it. (`albedo_db` does not: its channels are scaled one by one.)
 //!
 //! # Controls
 //! [`Control`] breaks one input of the model: a score that does not fall has not used it.
@@ -106,7 +106,7 @@ pub struct Protocol {
     pub look: Look,
     /// What is broken on purpose.
     pub control: Control,
-    /// Largest part that a channel of an object's colours loses in all images ([`super::views::tint`]); 0: the colours stay.
+    /// Largest part that a channel of an object's colours loses in all images ([`super::views::tint`]); 0: the colours stay. Only [`object`] applies it.
     pub tint: f64,
     /// Sets that the model reads, of four.
     pub sets: usize,

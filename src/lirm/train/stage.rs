@@ -15,9 +15,9 @@
 //! in occupied cells only, and ends rays that are opaque. Objects of a stage follow those of the one before.
 //!
 //! In every step the encoded colours of an object are multiplied by a random colour: channel c by (1 − tint·u_c) over the largest of the three, u uniform
-//! in 0..1. The built-in objects are nearly grey (the mean colour of one differs from a grey by 0.05), and a model that is trained on them as they
+//! in 0..1, times a brightness (0.75 to 1, under a map to 1.25). The built-in objects are nearly grey (the mean colour of one differs from a grey by 0.05), and a model that is trained on them as they
 //! are learns brightness and no hue (chapter `small_model` of the book). In stage 1a the tint is 0.85 for every object, until colours are learned; from stage 1b on
-//! it is uniform in 0..0.85 (stages 2 and 3: 0..0.6), so that objects as they are belong to what the model has seen.
+//! it is uniform in 0..0.85 (stages 2 and 3: 0..0.6), so that a quarter to two fifths of the objects keep all channels within a tenth of each other.
 
 use crate::lirm::model::decode::{EARLY_STOP, LEAST_WEIGHT, Look};
 use crate::num::elem::f64 as elem;
