@@ -18,7 +18,7 @@
 //! | `distance_radii` | mean distance between the surfaces, samples to triangles | radii of the object |
 //!
 //! # Colours
-//! Built-in objects are nearly grey: a model that ignores hue loses little. With a tint ([`Protocol::tint`]) every object has a random colour,
+//! Built-in objects are nearly grey: a model that ignores hue loses little. With a tint ([`object`]) every object has a random colour,
 //! `gray` becomes large, and `color` shows whether the model has read it. (`albedo_db` does not: its channels are scaled one by one.)
 //!
 //! # Controls
@@ -106,8 +106,6 @@ pub struct Protocol {
     pub look: Look,
     /// What is broken on purpose.
     pub control: Control,
-    /// Largest part that a channel of an object's colours loses in all images ([`super::views::tint`]); 0: the colours stay. Only [`object`] applies it.
-    pub tint: f64,
     /// Sets that the model reads, of four.
     pub sets: usize,
     /// Outputs that are compared, of twelve.
@@ -252,23 +250,25 @@ pub fn axes(ready: &Ready<'_>, p: &Protocol, k: u64, views: &Views) -> Result<Pl
     views.posed(ready.config.pose, &order_of(p, k)[..SET])
 }
 
-/// The images of an object with the protocol's tint.
-fn tinted(p: &Protocol, k: u64, views: Views) -> Views {
-    let rng = Rng::new(p.set.seed);
-    views.lit(tint(1.0, p.tint, std::array::from_fn(|c| rng.uniform_f64(k, 0, TINT, c as u16))))
+/// The images of object k of a seed, multiplied by its random colour.
+fn tinted(views: Views, strength: f64, seed: u64, k: u64) -> Views {
+    let rng = Rng::new(seed);
+    views.lit(tint(1.0, strength, std::array::from_fn(|c| rng.uniform_f64(k, 0, TINT, c as u16))))
 }
 
-/// Scores a model on an object of a test set.
+/// Scores a model on an object of a test set, whose colours are multiplied by a random one of a strength ([`super::views::tint`]; 0: they
+/// stay).
 ///
 /// # Errors
 /// If the object cannot be made, or a render is not finite.
-pub fn object(ready: &Ready<'_>, p: &Protocol, k: u64) -> Result<Scores> {
-    let rendered = |k: u64| Ok::<_, Error>(tinted(p, k, Views::rendered(&p.set, k, &p.version)?));
+pub fn object(ready: &Ready<'_>, p: &Protocol, k: u64, strength: f64) -> Result<Scores> {
+    let rendered =
+        |k: u64| Ok::<_, Error>(tinted(Views::rendered(&p.set, k, &p.version)?, strength, p.set.seed, k));
     let other = (p.control == Control::OtherObject).then(|| rendered(k + 1)).transpose()?;
     views(ready, p, k, &rendered(k)?, other.as_ref())
 }
 
-/// [`object`] with images that are there, without a tint: those of object k, and those that the sets after the first show instead.
+/// [`object`] with images that are there, as they are: those of object k, and those that the sets after the first show instead.
 ///
 /// # Errors
 /// If a render is not finite.

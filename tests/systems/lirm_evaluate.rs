@@ -23,7 +23,6 @@ fn protocol() -> Protocol {
         order: Order::Random,
         look: Look::of_field(16, 40.0),
         control: Control::None,
-        tint: 0.0,
         sets: 1,
         outputs: 1,
         means: None,
@@ -56,8 +55,8 @@ fn mean_colors_are_compared_and_exchanged_ones_reach_the_state() {
     let swapped = scores(&ready, &p, 0, &views, None).expect("finite");
     assert_ne!(swapped.images[0][0], *image, "the model reads other colours");
     assert_eq!(swapped.images[0][1], *truth, "the truth stays as it is");
-    let p = Protocol { control: Control::None, tint: 0.9, ..p };
-    let tinted = object(&ready, &p, 0).expect("finite");
+    let p = Protocol { control: Control::None, ..p };
+    let tinted = object(&ready, &p, 0, 0.9).expect("finite");
     assert_ne!(tinted.images[0], whole.images[0], "image and truth have other colours");
     assert!(tinted.rounds[0]["gray"] > numbers["gray"] + 0.05, "{}", tinted.rounds[0]["gray"]);
 }

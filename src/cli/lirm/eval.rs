@@ -123,7 +123,6 @@ pub(super) fn run(args: &Args) -> Result<()> {
             "swapped-colors" => Control::SwappedColors,
             _ => Control::None,
         },
-        tint: args.tint,
         sets: usize::from(args.sets),
         outputs: 12,
         means: model.config.is_whole.then(|| evaluate::means_of_materials(0, &args.light)).transpose()?,
@@ -133,7 +132,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let mut all = Vec::new();
     for i in 0..args.objects as usize {
         meter.count(i, args.objects as usize, "scoring");
-        all.push(evaluate::object(&ready, &p, args.first + i as u64)?);
+        all.push(evaluate::object(&ready, &p, args.first + i as u64, args.tint)?);
     }
     meter.done();
     let means = evaluate::means(&all);

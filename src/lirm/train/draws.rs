@@ -87,7 +87,8 @@ impl Draws<'_> {
         let bright = if self.version(object) == VERSIONS[0] { 1.0 } else { bright };
         let brightness = dark + (bright - dark) * u(1);
         let colors = std::array::from_fn(|c| u(TINT + c as u16));
-        let strength = self.stage.tint * if self.stage.is_first { 1.0 } else { u(TINT + 3) };
+        let [least, most] = self.stage.tint;
+        let strength = least + (most - least) * u(TINT + 3);
         let images = Rng::new(rng.derive(j as u64, number(step), IMAGES)).permutation(VIEWS, 0, IMAGES);
         let [few, many] = self.stage.images;
         let mut first = 0;
@@ -160,7 +161,7 @@ mod tests {
         let all: Vec<[f32; 2]> = factors.iter().map(ends).collect();
         let [dark, bright] = BRIGHTNESS.map(|b| b as f32);
         assert!(all.iter().all(|[_, most]| (dark..=bright).contains(most)), "the largest is the brightness");
-        let least = 1.0 - stage.tint as f32;
+        let least = 1.0 - stage.tint[1] as f32;
         assert!(all.iter().all(|[low, most]| low / most >= least), "no channel loses more than the tint");
         let close = |x: f32| all.iter().filter(|[low, most]| (low / most - x).abs() < 0.1).count();
         assert!(close(least) > 0 && close(1.0) > 20, "some lose as much, many are nearly grey");

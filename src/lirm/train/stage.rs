@@ -2,7 +2,7 @@
 //!
 //! | stage | light | tint | sets | samples | 1/β | target, crop | steps | rate |
 //! |---|---|---|---|---|---|---|---|---|
-//! | 1a | white dome | 0.85, all | 1–2 | 64 | 10 → 40 | 64², 32² | 2 200 | 5·10⁻⁴ → 3.5·10⁻⁴ |
+//! | 1a | white dome | 0.85 | 1–2 | 64 | 10 → 40 | 64², 32² | 2 200 | 5·10⁻⁴ → 3.5·10⁻⁴ |
 //! | 1b | white dome | 0–0.85 | 1–2 | 64 | 40 → 60 | 64², 32² | 2 200 | 3.5·10⁻⁴ → 1.2·10⁻⁴ |
 //! | 1c | white dome | 0–0.85 | 1–2 | 64 | 60 | 64², 32² | 1 800 | 1.2·10⁻⁴ → 2·10⁻⁵ |
 //! | 2a | ⅜ map, ⅜ shiny, ¼ dome | 0–0.6 | 1–3 | 96 | 60 → 80 | 128², 32² | 800 | 2·10⁻⁴ → 6·10⁻⁵ |
@@ -51,9 +51,8 @@ pub struct Stage {
     pub light: [f64; 3],
     /// Largest number of sets of input images.
     pub sets: usize,
-    /// Largest part that a channel of an object's colours loses: an object is multiplied by a random colour, whose largest channel is 1. Stage 1a has
-    /// this strength for every object, the others have random ones up to it.
-    pub tint: f64,
+    /// Smallest and largest strength of the random colour that an object is multiplied by: the largest part that a channel loses.
+    pub tint: [f64; 2],
     /// Smallest and largest number of images of a set.
     pub images: [usize; 2],
     /// Steps of a ray along the diagonal.
@@ -91,7 +90,7 @@ impl Stage {
             rates,
             rise: 100,
             light: [1.0, 0.0, 0.0],
-            tint: 0.85,
+            tint: [if name == "1a" { 0.85 } else { 0.0 }, 0.85],
             sets: 2,
             images: [3, 6],
             samples: 64,
@@ -106,7 +105,7 @@ impl Stage {
         };
         let whole = |steps, rates, inverse_beta, first_object| Self {
             light: [0.25, 0.375, 0.375],
-            tint: 0.6,
+            tint: [0.0, 0.6],
             sets: 3,
             samples: 96,
             target: [128, 32],

@@ -108,7 +108,6 @@ impl Setup {
             order: Order::Random,
             look: Look::of_field(self.size.steps, model.inverse_beta()),
             control: Control::None,
-            tint: 0.0,
             sets: 4,
             outputs: self.size.outputs,
             means: None,
