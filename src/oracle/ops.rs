@@ -127,6 +127,7 @@ pub static LIST: &[&Op] = &[
     &pose::POSE,
     &optim::ADAM,
     &optim::ADAMW,
+    &optim::MUON,
 ];
 
 /// The operator of that name.

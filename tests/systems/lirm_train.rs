@@ -6,6 +6,7 @@ use lastlight::lirm::model::config::Config;
 use lastlight::lirm::model::file::digest;
 use lastlight::lirm::model::params::first;
 use lastlight::lirm::train::distances::Distances;
+use lastlight::lirm::train::optimizer::Kind;
 use lastlight::lirm::train::source::{Rendered, Source};
 use lastlight::lirm::train::stage::Stage;
 use lastlight::lirm::train::stored::Stored;
@@ -56,7 +57,7 @@ const TINY: Config =
 fn settings(stage: &str, steps: usize) -> Settings {
     let stage = Stage::named(stage).expect("a name");
     let stage = Stage { steps, samples: 24, rise: 2, target: [64, 16], ..stage };
-    Settings { stage, seed: 0, batch: 2, block: 2, at_once: 2, recompute: false }
+    Settings { stage, optimizer: Kind::AdamW, seed: 0, batch: 2, block: 2, at_once: 2, recompute: false }
 }
 
 fn whole(training: &mut Training<'_>) -> String {
@@ -81,6 +82,10 @@ fn every_kind_of_stage_has_one_digest() {
             let found = with_threads(1, || of(settings(stage, 5))).expect("threads start");
             assert_eq!(found, usual, "one thread");
             assert_ne!(of(Settings { seed: 1, ..settings(stage, 5) }), usual, "other draws");
+            let muon = |s| of(Settings { optimizer: Kind::Muon, ..s });
+            let other = with_threads(1, || muon(settings(stage, 5))).expect("threads start");
+            assert_eq!(muon(settings(stage, 5)), other, "Muon, one thread and all");
+            assert_ne!(other, usual, "Muon moves matrices otherwise");
         }
     }
 }
@@ -90,23 +95,37 @@ fn a_resumed_training_is_the_uninterrupted_one() {
     let source = Kept::new();
     let dir = tempfile::tempdir().expect("a folder");
     let path = dir.path().join("checkpoint");
-    let made = || Training::new(settings("1a", 4), TINY, None, &source).expect("valid");
-    let usual = whole(&mut made());
-    let stop = AtomicBool::new(true);
-    let (mut training, mut history) = (made(), History::default());
-    let schedule = Schedule { checkpoint: Some(&path), every: 1000, stop: &stop };
-    run(&mut training, &mut history, schedule, &mut ()).expect_err("it is stopped after a step");
-    let mut training = made();
-    let mut history = resume(&mut training, &path).expect("its checkpoint");
-    assert_eq!(history.len(), 1);
-    let stop = AtomicBool::new(false);
-    let schedule = Schedule { checkpoint: None, every: 1000, stop: &stop };
-    run(&mut training, &mut history, schedule, &mut ()).expect("finite");
-    assert_eq!(digest(training.params()), usual);
-    let other = Settings { batch: 1, ..settings("1a", 4) };
-    let mut other = Training::new(other, TINY, None, &source).expect("valid");
-    let e = resume(&mut other, &path).expect_err("another batch").to_string();
-    assert!(e.contains("batch"), "{e}");
+    for optimizer in [Kind::AdamW, Kind::Muon] {
+        let own = Settings { optimizer, ..settings("1a", 4) };
+        let made = || Training::new(own.clone(), TINY, None, &source).expect("valid");
+        let usual = whole(&mut made());
+        let stop = AtomicBool::new(true);
+        let (mut training, mut history) = (made(), History::default());
+        let schedule = Schedule { checkpoint: Some(&path), every: 1000, stop: &stop };
+        run(&mut training, &mut history, schedule, &mut ()).expect_err("it is stopped after a step");
+        let mut training = made();
+        let mut history = resume(&mut training, &path).expect("its checkpoint");
+        assert_eq!(history.len(), 1);
+        let stop = AtomicBool::new(false);
+        let schedule = Schedule { checkpoint: None, every: 1000, stop: &stop };
+        run(&mut training, &mut history, schedule, &mut ()).expect("finite");
+        assert_eq!(digest(training.params()), usual);
+        let others = [
+            ("batch", Settings { batch: 1, ..own.clone() }),
+            (
+                "optimizer",
+                Settings {
+                    optimizer: if optimizer == Kind::Muon { Kind::AdamW } else { Kind::Muon },
+                    ..own.clone()
+                },
+            ),
+        ];
+        for (name, other) in others {
+            let mut other = Training::new(other, TINY, None, &source).expect("valid");
+            let e = resume(&mut other, &path).expect_err("another setting").to_string();
+            assert!(e.contains(name), "{e}");
+        }
+    }
 }
 
 #[test]

@@ -72,6 +72,7 @@ static SOURCES: &[&str] = &[
     include_str!("../body/pose.rs"),
     include_str!("../optim/adam.rs"),
     include_str!("../optim/adamw.rs"),
+    include_str!("../optim/muon.rs"),
 ];
 
 /// The head of the twin's source file, without comment signs: Markdown whose first line starts with the name

@@ -18,7 +18,7 @@ use crate::nn::{
     act, attention, block, conv, decoder, fuse, gelu, layernorm, linear, mlp, softmax, softplus, tokens,
     unpatch, weight_norm, window,
 };
-use crate::optim::{adam, adamw};
+use crate::optim::{adam, adamw, muon};
 use crate::shade::{decode, diffuse, encode, envmap, gain, ggx, over_black};
 use crate::splat::{activate, blend, color, covariance, project, render};
 
@@ -132,4 +132,5 @@ pub static LIST: &[Twin] = &[
     twin!(pose),
     twin_without_gradient!(adam, entries),
     twin_without_gradient!(adamw, entries),
+    twin_without_gradient!(muon, entries),
 ];

@@ -12,6 +12,7 @@ use crate::training::{self, CHECKPOINT, Frame, Head, RESULT};
 use crate::{Error, Result, claim};
 use lastlight_lirm::model::file::{FILE, Model, digest};
 use lastlight_lirm::model::params::count;
+use lastlight_lirm::train::optimizer::Kind;
 use lastlight_lirm::train::source::{Rendered, Source};
 use lastlight_lirm::train::stage::Stage;
 use lastlight_lirm::train::stored::Stored;
@@ -27,6 +28,15 @@ const STAGES: &Choices = &[
     ("2a", "environment maps; all heads; 800 steps"),
     ("2b", "the same, sharper; 800 steps"),
     ("3", "the same, with larger crops; 400 steps"),
+];
+
+/// Values of `--optimizer`.
+const OPTIMIZERS: &Choices = &[
+    ("adamw", "as published"),
+    (
+        "muon",
+        "steps of the blocks' matrices are made orthogonal: lower losses after as many steps, each 6 % longer",
+    ),
 ];
 
 /// Train one stage of a LIRM model on built-in objects.
@@ -73,6 +83,9 @@ pub(crate) struct Args {
     /// and all of stage 1 has 60 from the end of that warm-up on
     #[arg(long, value_name = "X", default_value_t = 0.0)]
     distances: f32,
+    /// What updates the matrices of the blocks; all other arrays have adamw
+    #[arg(long, value_name = "NAME", default_value = "adamw", value_parser = choices(OPTIMIZERS))]
+    optimizer: String,
     /// Objects per step
     #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u8).range(1..=64))]
     batch: u8,
@@ -103,6 +116,7 @@ impl Args {
         stage.validate()?;
         Ok(Settings {
             stage,
+            optimizer: Kind::named(&self.optimizer).unwrap_or_default(),
             seed: self.filling.seed,
             batch: usize::from(self.batch),
             block: usize::from(self.objects_at_once),

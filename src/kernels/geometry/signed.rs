@@ -4,8 +4,8 @@
 //! from it, +1 where the ray leaves a part and −1 where it enters one, is positive: the winding number, which parts that overlap
 //! do not disturb, unlike the parity of crossings. Three rays vote, since a ray through an edge can be counted twice.
 //!
-//! A triangle belongs to the outer surface when the point 10⁻⁴ of the diagonal above its centre is not inside. Triangles that are partly inside another
-//! part are decided by their centre: near such a seam |d| is wrong by up to the size of a triangle.
+//! A triangle belongs to the outer surface when the point above its centre, at 10⁻⁴ times the longest side of the bounds, is not inside. Triangles that are partly inside
+//! another part are decided by their centre: near such a seam |d| is wrong by up to the size of a triangle.
 //!
 //! # Rounding
 //! Distances are f64; rays have f32 origins. An open mesh has no inside, and the sign of a point near its rim depends on the rays.
@@ -17,7 +17,7 @@ use crate::scene::mesh::Mesh;
 
 /// Directions of the rays; none lies in a coordinate plane, where built shapes have faces and edges.
 const RAYS: [[f32; 3]; 3] = [[0.531, 0.297, 0.793], [-0.713, 0.604, -0.356], [0.197, -0.883, 0.425]];
-/// Height above the centre of a triangle at which it is decided whether it is outside, in diagonals of the bounds.
+/// Height above the centre of a triangle at which it is decided whether it is outside, in longest sides of the bounds.
 const ABOVE: f32 = 1e-4;
 /// Crossings after which a ray ends.
 const MOST: usize = 256;

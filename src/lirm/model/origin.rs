@@ -16,6 +16,9 @@ const UNTRAINED: f32 = 40.0;
 pub struct Part {
     /// Name of the stage.
     pub stage: String,
+    /// What updated the matrices of the blocks.
+    #[serde(default = "adamw")]
+    pub optimizer: String,
     /// Its first step, counted from 0, and the one after its last.
     pub range: [usize; 2],
     /// Steps of the whole stage.
@@ -36,6 +39,11 @@ pub struct Part {
     pub inverse_beta: f32,
     /// Digest of the weights that it began with.
     pub start: String,
+}
+
+/// The optimiser of files that do not name it.
+fn adamw() -> String {
+    "adamw".to_owned()
 }
 
 impl Part {
@@ -97,6 +105,7 @@ mod tests {
     fn part(stage: &str, range: [usize; 2], inverse_beta: f32) -> Part {
         Part {
             stage: stage.to_owned(),
+            optimizer: "muon".to_owned(),
             range,
             steps: 10,
             seed: u64::MAX,

@@ -241,6 +241,17 @@ pub fn decays(array: &ArrayD<f32>) -> bool {
     array.ndim() >= 2
 }
 
+/// How Muon takes an array apart, as matrices, rows and columns: those of the blocks and of the layer that fuses states. Queries, keys and values are
+/// three matrices.
+pub fn matrices(name: &str, array: &ArrayD<f32>) -> Option<[usize; 3]> {
+    let &[rows, columns] = array.shape() else { return None };
+    match name.split('/').collect::<Vec<_>>()[..] {
+        ["block", _, "qkv"] => Some([3, rows / 3, columns]),
+        ["block", _, "out"] | ["block", _, _, "v"] | ["fuse", _] => Some([1, rows, columns]),
+        _ => None,
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

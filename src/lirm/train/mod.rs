@@ -4,6 +4,7 @@
 //! stage     what a stage is: light, samples, 1/β, resolution, steps, rate
 //! distances points around an object with signed distances, for the recipe that compares them
 //! source    objects by index: rendered in memory                             stored    the same, from the folder of a set
+//! optimizer AdamW, or Muon for matrices
 //! draws    which object, how turned, which views, in a step
 //!
 //! one step, of `batch` objects, `at_once` of them at a time:
@@ -12,7 +13,7 @@
 //!     state ─► transformer ─► state ─► decode ─► field.render ─► losses        (each for all objects, then the next)
 //!     gradients ◄─ transformer ◄──── decode ◄── adjoint of field.render ◄──┘
 //!   the gradients of an object are added over its sets, then those of objects, in order
-//! clip every array to length 1 ──► AdamW
+//! clip every array to length 1 ──► optimizer
 //! ```
 //!
 //! The state between sets is detached: no gradient flows through it, so a step needs the memory of one set. The loss is the mean over
@@ -27,6 +28,7 @@
 pub mod distances;
 mod draws;
 mod object;
+pub mod optimizer;
 mod shown;
 pub mod source;
 pub mod stage;
@@ -34,37 +36,27 @@ pub mod stored;
 
 use self::draws::Draws;
 use self::object::Object;
+use self::optimizer::{Kind, Optimizer};
 use self::shown::Shown;
 use self::source::Pool;
 use self::stage::Stage;
 use super::model::config::Config;
 use super::model::file::digest;
 use super::model::origin::Part;
-use super::model::params::{decays, extended, first};
+use super::model::params::{extended, first};
 use super::model::transformer::Keep;
 use super::model::weights::{Gradients, Ready};
 use crate::fit::training::{Fit, Preview, Step, Watch};
 use crate::num::array::Arrays;
 use crate::num::{order, par};
-use crate::optim::adam::{Counters, Decay, Rule};
 use crate::optim::clip::clip;
-use crate::optim::optimiser::{ArrayNames, Optimiser};
+use crate::optim::optimiser::ArrayNames;
 use crate::tape::Params;
 use crate::{Error, Result};
 use serde_json::{Value, json};
 
 /// Largest length of the gradient of an array.
 const LENGTH: f64 = 1.0;
-/// AdamW of the paper's code.
-const RULE: Rule = Rule {
-    beta1: 0.9,
-    beta2: 0.95,
-    eps: 1e-8,
-    weight_decay: 0.05,
-    decay: Decay::Decoupled,
-    counters: Counters::Global,
-};
-
 /// Steps over which the rate rises where a stage goes on with fresh moments.
 const RISE_AGAIN: usize = 20;
 
@@ -73,6 +65,8 @@ const RISE_AGAIN: usize = 20;
 pub struct Settings {
     /// The stage.
     pub stage: Stage,
+    /// What updates the matrices of the blocks.
+    pub optimizer: Kind,
     /// Seed of first values and draws.
     pub seed: u64,
     /// Objects per step.
@@ -93,8 +87,7 @@ pub struct Training<'a> {
     range: [usize; 2],
     config: Config,
     params: Params,
-    /// Of arrays that decay, and of the others.
-    optimisers: [Optimiser; 2],
+    optimizer: Optimizer,
     pool: Pool<'a>,
     /// Objects of another seed, for people who watch.
     shown: Vec<Shown>,
@@ -126,18 +119,14 @@ impl<'a> Training<'a> {
             Some(params) => params.clone(),
         };
         let config = Config { is_whole: is_whole || config.is_whole, ..config };
-        let of = |rule: Rule, decaying: bool| {
-            let chosen = |name: &str| begun.get(name).is_some_and(decays) == decaying;
-            Optimiser::of(rule, &begun, chosen)
-        };
-        let optimisers = [of(RULE, true)?, of(Rule { weight_decay: 0.0, ..RULE }, false)?];
+        let optimizer = Optimizer::new(settings.optimizer, &begun)?;
         let start = digest(&begun);
         Ok(Self {
             range: [0, settings.stage.steps],
             settings,
             config,
             params: begun,
-            optimisers,
+            optimizer,
             pool: Pool::new(source),
             shown: Vec::new(),
             start,
@@ -172,6 +161,7 @@ impl<'a> Training<'a> {
             ("--seed", json!(part.seed), json!(own.seed)),
             ("--batch", json!(part.batch), json!(own.batch)),
             ("--objects-at-once", json!(part.block), json!(own.block)),
+            ("--optimizer", json!(part.optimizer), json!(own.optimizer)),
             ("objects", json!(part.source), json!(own.source)),
             ("--points", text(part.points), text(own.points)),
             ("--distances", text(part.distances), text(own.distances)),
@@ -190,6 +180,7 @@ impl<'a> Training<'a> {
         let s = &self.settings;
         Part {
             stage: s.stage.name.clone(),
+            optimizer: s.optimizer.name().to_owned(),
             range: self.range,
             steps: s.stage.steps,
             seed: s.seed,
@@ -312,6 +303,9 @@ impl Fit for Training<'_> {
             all[key] = value.clone();
         }
         all["seed"] = json!(self.settings.seed);
+        if self.settings.optimizer != Kind::AdamW {
+            all["optimizer"] = json!(self.settings.optimizer.name());
+        }
         all["batch"] = json!(self.settings.batch);
         all["block"] = json!(self.settings.block);
         all["source"] = json!(self.pool.record());
@@ -355,9 +349,7 @@ impl Fit for Training<'_> {
             clip(g.as_slice_mut().expect("gradients are contiguous"), LENGTH);
         }
         let rate = self.rate(i);
-        for optimiser in &mut self.optimisers {
-            optimiser.step(&mut self.params, &grads, |_| Some(rate)).map_err(named)?;
-        }
+        self.optimizer.step(&mut self.params, &grads, rate).map_err(named)?;
         watch.lap("optimiser");
         Ok(Step { loss, size: s.batch })
     }
@@ -370,14 +362,14 @@ impl Fit for Training<'_> {
 
     fn save(&self, out: &mut Arrays) {
         ArrayNames::Folders.save(&self.params, out);
-        self.optimisers.iter().for_each(|o| o.save(ArrayNames::Folders, out));
+        self.optimizer.save(out);
     }
 
     fn load(&mut self, from: &Arrays) -> Result<()> {
-        let (mut params, mut optimisers) = (self.params.clone(), self.optimisers.clone());
+        let (mut params, mut optimizer) = (self.params.clone(), self.optimizer.clone());
         ArrayNames::Folders.load(&mut params, from)?;
-        optimisers.iter_mut().try_for_each(|o| o.load(ArrayNames::Folders, from))?;
-        (self.params, self.optimisers) = (params, optimisers);
+        optimizer.load(from)?;
+        (self.params, self.optimizer) = (params, optimizer);
         Ok(())
     }
 }

@@ -3,7 +3,7 @@
 use super::call::RunResult;
 use super::case::Draw;
 use super::op::{Case, CheckedCall, Op, Width, no_rule, no_zeros};
-use crate::optim::{adam, adamw};
+use crate::optim::{adam, adamw, muon};
 use crate::{Error, Result};
 use reference::settings::Setting;
 
@@ -24,6 +24,16 @@ pub(super) static ADAM: Op = Op {
 /// `optim.adamw`
 pub(super) static ADAMW: Op =
     Op { signature: &reference::optim::adamw::SIGNATURE, check: no_rule, run: run_adamw, ..ADAM };
+
+/// `optim.muon`
+pub(super) static MUON: Op = Op {
+    signature: &reference::optim::muon::SIGNATURE,
+    work_ns: [200.0, 200.0],
+    check: no_rule,
+    run: run_muon,
+    case: case_muon,
+    ..ADAM
+};
 
 fn no_decay(x: &CheckedCall<'_>) -> Result<()> {
     match x.number("weight_decay") {
@@ -111,5 +121,38 @@ fn case_adam(case: usize) -> Case {
         made.inputs.put("active", &[steps, rows], active.into_iter().map(|a| a as u8).collect());
     }
     made.settings.insert("lr".to_owned(), Setting::Number(0.0625));
+    made
+}
+
+fn run_muon(x: &CheckedCall<'_>) -> Result<RunResult> {
+    let (param, grads) = (x.f32s("param"), x.f32s("grads"));
+    let rule = muon::Rule {
+        momentum: x.number("momentum").unwrap_or(0.95),
+        weight_decay: x.number("weight_decay").unwrap_or(0.0),
+        rms: x.number("rms").unwrap_or(0.2),
+    };
+    let input = muon::In { param: &param, grads: &grads, shape: [x.dim("B"), x.dim("R"), x.dim("C")] };
+    let out = muon::forward(&input, &muon::Settings { lr: x.number("lr").unwrap_or(1e-3), rule })?;
+    let mut ran = RunResult::default();
+    ran.outputs.put("trajectory", &x.shape("grads"), out.trajectory);
+    if x.call.dump {
+        ran.intermediates.put("m", &x.shape("param"), out.m);
+    }
+    Ok(ran)
+}
+
+/// Case 0: one wide matrix; case 1: two tall ones, with decay.
+fn case_muon(case: usize) -> Case {
+    let [steps, matrices, rows, columns] = [[6, 1, 4, 7], [5, 2, 6, 3]][case];
+    let mut made = Case::default();
+    let entries = matrices * rows * columns;
+    let shape = [matrices, rows, columns];
+    made.inputs.put("param", &shape, Draw::new(94, case, 0).normals(entries));
+    let all = [steps, matrices, rows, columns];
+    made.inputs.put("grads", &all, Draw::new(94, case, 1).normals(steps * entries));
+    made.settings.insert("lr".to_owned(), Setting::Number(0.0625));
+    if case == 1 {
+        made.settings.insert("weight_decay".to_owned(), Setting::Number(0.5));
+    }
     made
 }

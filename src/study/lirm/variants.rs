@@ -21,6 +21,7 @@ use lastlight_lirm::model::config::Config;
 use lastlight_lirm::model::decode::Look;
 use lastlight_lirm::model::transformer::Input;
 use lastlight_lirm::model::weights::Ready;
+use lastlight_lirm::train::optimizer;
 use lastlight_lirm::train::source::Rendered;
 use lastlight_lirm::train::stage::Stage;
 use lastlight_lirm::train::{Settings, Training};
@@ -85,7 +86,15 @@ impl Variants<'_> {
             is_whole: true,
             ..Stage::named("1a")?
         };
-        Ok(Settings { stage, seed: kind.seed, batch, block, at_once: batch, recompute: false })
+        Ok(Settings {
+            stage,
+            optimizer: optimizer::Kind::AdamW,
+            seed: kind.seed,
+            batch,
+            block,
+            at_once: batch,
+            recompute: false,
+        })
     }
 }
 

@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! adam      Adam with per-row counters, in place        adamw     the same with decoupled weight decay
+//! muon      momentum made nearly orthogonal, for matrices
 //! optimiser named parameters with one state each            initial   initial values of networks
 //! clip      gradients of a largest length
 //! schedule  learning rates and spherical-harmonics bands over the iterations
@@ -25,6 +26,7 @@ pub mod groups;
 pub mod initial;
 mod kernel;
 pub mod mcmc;
+pub mod muon;
 pub mod optimiser;
 mod rule;
 pub mod schedule;

@@ -1,0 +1,108 @@
+//! What updates the weights: AdamW for all arrays, or Muon for the matrices of the blocks and AdamW for the others.
+//!
+//! ```text
+//! gradients, clipped ──► matrices of blocks and of fuse ──► optim.muon   ┐ with [`Kind::Muon`]
+//!                  └───► all others ─────────────────────► optim.adamw  ┘ decay: arrays of rank 2 and more
+//! ```
+//!
+//! Queries, keys and values are three matrices for Muon. Tokens, places, the layers to texels and the heads stay with AdamW, as vectors do: they are first and
+//! last layers (Jordan et al. 2024). Muon's step has a root mean square of [`MATRICES`]`.rms` times the rate.
+
+use crate::lirm::model::params::{decays, matrices};
+use crate::num::array::Arrays;
+use crate::optim::adam::{Counters, Decay, Rule};
+use crate::optim::muon::{self, Muon};
+use crate::optim::optimiser::{ArrayNames, Optimiser};
+use crate::tape::{Grads, Params};
+use crate::{Error, Result};
+use std::collections::BTreeMap;
+
+/// AdamW of the paper's code.
+const RULE: Rule = Rule {
+    beta1: 0.9,
+    beta2: 0.95,
+    eps: 1e-8,
+    weight_decay: 0.05,
+    decay: Decay::Decoupled,
+    counters: Counters::Global,
+};
+/// Muon.
+pub const MATRICES: muon::Rule = muon::Rule { momentum: 0.95, weight_decay: 0.05, rms: 0.5 };
+
+/// Which optimiser updates the matrices of the blocks.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Kind {
+    /// AdamW, as published.
+    #[default]
+    AdamW,
+    /// Muon.
+    Muon,
+}
+
+impl Kind {
+    /// Returns the name in settings.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::AdamW => "adamw",
+            Self::Muon => "muon",
+        }
+    }
+
+    /// Returns the one of that name.
+    pub fn named(name: &str) -> Option<Self> {
+        [Self::AdamW, Self::Muon].into_iter().find(|kind| kind.name() == name)
+    }
+}
+
+/// The states of all arrays.
+#[derive(Clone, Debug)]
+pub(super) struct Optimizer {
+    /// Of arrays that decay, and of the others.
+    adam: [Optimiser; 2],
+    muon: BTreeMap<String, Muon>,
+}
+
+impl Optimizer {
+    pub(super) fn new(kind: Kind, params: &Params) -> Result<Self> {
+        let mut muon = BTreeMap::new();
+        if kind == Kind::Muon {
+            for (name, array) in params.iter() {
+                if let Some(shape) = matrices(name, array) {
+                    muon.insert(name.to_owned(), Muon::new(MATRICES, shape)?);
+                }
+            }
+        }
+        let of = |rule: Rule, decaying: bool| {
+            let chosen =
+                |name: &str| !muon.contains_key(name) && params.get(name).is_some_and(decays) == decaying;
+            Optimiser::of(rule, params, chosen)
+        };
+        let adam = [of(RULE, true)?, of(Rule { weight_decay: 0.0, ..RULE }, false)?];
+        Ok(Self { adam, muon })
+    }
+
+    /// One step of all arrays.
+    pub(super) fn step(&mut self, params: &mut Params, grads: &Grads, rate: f64) -> Result<()> {
+        for optimiser in &mut self.adam {
+            optimiser.step(params, grads, |_| Some(rate))?;
+        }
+        for (name, muon) in &mut self.muon {
+            let param = params.get_mut(name).expect("every state has its parameter");
+            let param = param.as_slice_mut().expect("parameters are contiguous");
+            let grad = grads.get(name).expect("every parameter has a gradient");
+            muon.step(param, grad.as_slice().expect("gradients are contiguous"), rate)
+                .map_err(|e: Error| e.within(format!("optimiser of {name}")))?;
+        }
+        Ok(())
+    }
+
+    pub(super) fn save(&self, out: &mut Arrays) {
+        self.adam.iter().for_each(|o| o.save(ArrayNames::Folders, out));
+        self.muon.iter().for_each(|(name, m)| m.save(&format!("muon/{name}"), out));
+    }
+
+    pub(super) fn load(&mut self, from: &Arrays) -> Result<()> {
+        self.adam.iter_mut().try_for_each(|o| o.load(ArrayNames::Folders, from))?;
+        self.muon.iter_mut().try_for_each(|(name, m)| m.load(&format!("muon/{name}"), from))
+    }
+}
