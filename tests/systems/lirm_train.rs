@@ -164,6 +164,7 @@ fn a_stage_goes_on_after_its_first_part() {
         ("--seed", Settings { seed: 1, ..settings("1a", 40) }),
         ("--steps", settings("1a", 41)),
         ("--objects-at-once", Settings { block: 3, ..settings("1a", 40) }),
+        ("--optimizer", Settings { optimizer: Kind::Muon, ..settings("1a", 40) }),
     ] {
         let mut other = Training::new(other, TINY, Some(one.params()), &source).expect("valid");
         let e = other.continue_from(&part).expect_err("another setting").to_string();
@@ -174,13 +175,15 @@ fn a_stage_goes_on_after_its_first_part() {
 #[test]
 fn it_learns() {
     let source = Kept::new();
-    let mut s = settings("1a", 60);
-    s.stage.rates = [5e-3, 5e-3];
-    let mut training = Training::new(s, TINY, None, &source).expect("valid");
-    let losses: Vec<f32> = (0..60).map(|i| training.step(i, &mut ()).expect("finite").loss).collect();
-    let mean = |x: &[f32]| x.iter().fold(0.0, |s, x| s + x) / x.len() as f32;
-    let [before, after] = [mean(&losses[..10]), mean(&losses[50..])];
-    assert!(after < 0.7 * before, "{before} {after}");
+    for optimizer in [Kind::AdamW, Kind::Muon] {
+        let mut s = Settings { optimizer, ..settings("1a", 60) };
+        s.stage.rates = [5e-3, 5e-3];
+        let mut training = Training::new(s, TINY, None, &source).expect("valid");
+        let losses: Vec<f32> = (0..60).map(|i| training.step(i, &mut ()).expect("finite").loss).collect();
+        let mean = |x: &[f32]| x.iter().fold(0.0, |s, x| s + x) / x.len() as f32;
+        let [before, after] = [mean(&losses[..10]), mean(&losses[50..])];
+        assert!(after < 0.7 * before, "{}: {before} {after}", optimizer.name());
+    }
 }
 
 #[test]
