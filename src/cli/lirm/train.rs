@@ -33,10 +33,7 @@ const STAGES: &Choices = &[
 /// Values of `--optimizer`.
 const OPTIMIZERS: &Choices = &[
     ("adamw", "as published"),
-    (
-        "muon",
-        "steps of the blocks' matrices are made orthogonal: lower losses after as many steps, each 6 % longer",
-    ),
+    ("muon", "steps that are nearly orthogonal matrices: a lower loss after as many steps"),
 ];
 
 /// Train one stage of a LIRM model on built-in objects.
@@ -95,7 +92,7 @@ pub(crate) struct Args {
     /// Objects whose gradients are in memory at once; changes no bit [default: all of a step]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=64))]
     gradients_at_once: Option<u8>,
-    /// Run every block of the transformer again in the adjoint, which saves memory and changes no bit
+    /// Run blocks again in the adjoint: less memory, the same bits
     #[arg(long)]
     recompute: bool,
     /// Steps between checkpoints
