@@ -31,10 +31,8 @@ const STAGES: &Choices = &[
 ];
 
 /// Values of `--optimizer`.
-const OPTIMIZERS: &Choices = &[
-    ("adamw", "as published"),
-    ("muon", "steps that are nearly orthogonal matrices: a lower loss after as many steps"),
-];
+const OPTIMIZERS: &Choices =
+    &[("adamw", "as published"), ("muon", "steps that are nearly orthogonal matrices")];
 
 /// Train one stage of a LIRM model on built-in objects.
 #[derive(clap::Args)]

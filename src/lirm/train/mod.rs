@@ -36,7 +36,7 @@ pub mod stored;
 
 use self::draws::Draws;
 use self::object::Object;
-use self::optimizer::{Kind, Optimizer};
+use self::optimizer::{Kind, States};
 use self::shown::Shown;
 use self::source::Pool;
 use self::stage::Stage;
@@ -87,7 +87,8 @@ pub struct Training<'a> {
     range: [usize; 2],
     config: Config,
     params: Params,
-    optimizer: Optimizer,
+    /// Moments of all arrays.
+    states: States,
     pool: Pool<'a>,
     /// Objects of another seed, for people who watch.
     shown: Vec<Shown>,
@@ -119,14 +120,14 @@ impl<'a> Training<'a> {
             Some(params) => params.clone(),
         };
         let config = Config { is_whole: is_whole || config.is_whole, ..config };
-        let optimizer = Optimizer::new(settings.optimizer, &begun)?;
+        let states = States::new(settings.optimizer, &begun)?;
         let start = digest(&begun);
         Ok(Self {
             range: [0, settings.stage.steps],
             settings,
             config,
             params: begun,
-            optimizer,
+            states,
             pool: Pool::new(source),
             shown: Vec::new(),
             start,
@@ -349,7 +350,7 @@ impl Fit for Training<'_> {
             clip(g.as_slice_mut().expect("gradients are contiguous"), LENGTH);
         }
         let rate = self.rate(i);
-        self.optimizer.step(&mut self.params, &grads, rate).map_err(named)?;
+        self.states.step(&mut self.params, &grads, rate).map_err(named)?;
         watch.lap("optimiser");
         Ok(Step { loss, size: s.batch })
     }
@@ -362,14 +363,14 @@ impl Fit for Training<'_> {
 
     fn save(&self, out: &mut Arrays) {
         ArrayNames::Folders.save(&self.params, out);
-        self.optimizer.save(out);
+        self.states.save(out);
     }
 
     fn load(&mut self, from: &Arrays) -> Result<()> {
-        let (mut params, mut optimizer) = (self.params.clone(), self.optimizer.clone());
+        let (mut params, mut states) = (self.params.clone(), self.states.clone());
         ArrayNames::Folders.load(&mut params, from)?;
-        optimizer.load(from)?;
-        (self.params, self.optimizer) = (params, optimizer);
+        states.load(from)?;
+        (self.params, self.states) = (params, states);
         Ok(())
     }
 }
