@@ -8,6 +8,7 @@
 #[path = "../common/ball.rs"]
 mod ball;
 mod ledger;
+mod lirm;
 mod object;
 mod person;
 mod runs;

@@ -266,7 +266,7 @@ const AFTER: [usize; 2] = [10, 100];
 pub(crate) fn system_names() -> Vec<String> {
     let fits = SYSTEMS.iter().flat_map(|(name, _)| AFTER.map(|n| format!("{name} {n} iterations")));
     let names = [PICTURE, FIGURE, OBJECT, MAP].into_iter().chain(super::person::NAMES);
-    names.map(str::to_owned).chain(fits).chain(super::object::names()).collect()
+    names.map(str::to_owned).chain(fits).chain(super::object::names()).chain(super::lirm::names()).collect()
 }
 
 /// Names of [`generated`].
@@ -330,5 +330,6 @@ pub(crate) fn systems() -> Vec<Entry> {
         assert!(!fit.events().is_empty(), "{name}: density control has acted, or the digest proves little");
     }
     entries.extend(super::object::entries());
+    entries.extend(super::lirm::entries());
     entries
 }

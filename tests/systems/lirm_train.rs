@@ -71,23 +71,38 @@ fn whole(training: &mut Training<'_>) -> String {
 fn every_kind_of_stage_has_one_digest() {
     let source = Kept::new();
     let plain = first(&TINY, 0);
-    for stage in ["1a", "2a", "3"] {
-        let made = |s: Settings| Training::new(s, TINY, Some(&plain), &source).expect("valid");
-        let of = |s: Settings| whole(&mut made(s));
-        let usual = of(settings(stage, 5));
-        let other = Settings { recompute: true, at_once: 1, ..settings(stage, 5) };
-        let found = with_threads(3, || of(other)).expect("threads start");
-        assert_eq!(found, usual, "{stage}, three threads, one object after the other, blocks run again");
-        if stage == "1a" {
-            let found = with_threads(1, || of(settings(stage, 5))).expect("threads start");
-            assert_eq!(found, usual, "one thread");
-            assert_ne!(of(Settings { seed: 1, ..settings(stage, 5) }), usual, "other draws");
-            let muon = |s| of(Settings { optimizer: Kind::Muon, ..s });
-            let other = with_threads(1, || muon(settings(stage, 5))).expect("threads start");
-            assert_eq!(muon(settings(stage, 5)), other, "Muon, one thread and all");
-            assert_ne!(other, usual, "Muon moves matrices otherwise");
+    let of = |s: Settings| whole(&mut Training::new(s, TINY, Some(&plain), &source).expect("valid"));
+    let compared = |points, distances| {
+        let own = settings("1a", 5);
+        let stage = Stage { points, ..own.stage }.with_distances(distances);
+        Settings { stage, ..own }
+    };
+    let muon = Settings { optimizer: Kind::Muon, ..settings("1a", 5) };
+    let kinds = [
+        ("1a", settings("1a", 5)),
+        ("1a with surface points", compared(10.0, 0.0)),
+        ("1a with signed distances", compared(0.0, 10.0)),
+        ("1a with Muon", muon),
+        ("2a", settings("2a", 5)),
+        ("3", settings("3", 5)),
+    ];
+    let mut all = Vec::new();
+    for (name, own) in kinds {
+        let usual = of(own.clone());
+        assert_eq!(of(Settings { recompute: true, ..own.clone() }), usual, "{name}: blocks run again");
+        assert_eq!(of(Settings { at_once: 1, ..own.clone() }), usual, "{name}: one object after the other");
+        for threads in [1, 2, 3, 7] {
+            let found = with_threads(threads, || of(own.clone())).expect("threads start");
+            assert_eq!(found, usual, "{name}: {threads} threads");
         }
+        let both = Settings { recompute: true, at_once: 1, ..own };
+        assert_eq!(with_threads(3, || of(both)).expect("threads start"), usual, "{name}: all of it");
+        all.push(usual);
     }
+    all.push(of(Settings { seed: 1, ..settings("1a", 5) }));
+    all.sort();
+    all.dedup();
+    assert_eq!(all.len(), 7, "each kind has other weights, and so have other draws");
 }
 
 #[test]
@@ -95,8 +110,9 @@ fn a_resumed_training_is_the_uninterrupted_one() {
     let source = Kept::new();
     let dir = tempfile::tempdir().expect("a folder");
     let path = dir.path().join("checkpoint");
-    for optimizer in [Kind::AdamW, Kind::Muon] {
-        let own = Settings { optimizer, ..settings("1a", 4) };
+    let kinds = [("1a", Kind::AdamW), ("1a", Kind::Muon), ("2a", Kind::AdamW), ("3", Kind::AdamW)];
+    for (stage, optimizer) in kinds {
+        let own = Settings { optimizer, ..settings(stage, 4) };
         let made = || Training::new(own.clone(), TINY, None, &source).expect("valid");
         let usual = whole(&mut made());
         let stop = AtomicBool::new(true);
@@ -109,7 +125,7 @@ fn a_resumed_training_is_the_uninterrupted_one() {
         let stop = AtomicBool::new(false);
         let schedule = Schedule { checkpoint: None, every: 1000, stop: &stop };
         run(&mut training, &mut history, schedule, &mut ()).expect("finite");
-        assert_eq!(digest(training.params()), usual);
+        assert_eq!(digest(training.params()), usual, "stage {stage} with {}", optimizer.name());
         let others = [
             ("batch", Settings { batch: 1, ..own.clone() }),
             (
@@ -212,6 +228,12 @@ fn objects_of_a_set_are_those_in_memory() {
     assert_eq!(a.placement, b.placement);
     assert!(stored.object(0, "shiny").is_err(), "the set has no such version");
     assert_eq!(stored.distances(0).expect("its mesh"), of.distances(0).expect("the same"));
+    let record = dir.path().join("dataset.json");
+    let before = std::fs::read_to_string(&record).expect("its record");
+    std::fs::write(&record, before.replace("\"object_00000\"", "\"../object_00000\"")).expect("written");
+    let e = Stored::open(dir.path(), &stage).expect_err("a folder outside").to_string();
+    assert!(e.contains("leads out of the folder"), "{e}");
+    std::fs::write(&record, before).expect("written");
     let small = dir.path().join("small");
     let settings = set::Settings { views: 2, size: 16, samples: 1, ..settings };
     set::run(&small, &settings, false, &AtomicBool::new(false), &mut |_, _, _| {}).expect("a set");

@@ -59,8 +59,9 @@ impl Fuse {
 pub enum FirstValues {
     /// Heads with a gain of ¼, other weights with a deviation of 0.02, random place tokens.
     Published,
-    /// Heads with a gain of ½ (distances, so that the first surface is still about a ball) and 2, other weights with a deviation of
-    /// 0.02·√(1024/D), place tokens that are projections of their positions ([`super::places`]).
+    /// Heads with a gain of ½ (distances, so that the first surface is about a ball, and normals, so that they are about radial) and 2, other weights with a deviation of
+    /// 0.02·√(1024/D), less in the last layers of branches, place tokens that are projections of their positions ([`super::places`]), rays and texels as in the table
+    /// of [`super::params`].
     #[default]
     Scaled,
 }
@@ -86,7 +87,7 @@ impl FirstValues {
     pub(super) fn gain(self, head: &str) -> f32 {
         match self {
             Self::Published => 0.25,
-            Self::Scaled if head == "sdf" => 0.5,
+            Self::Scaled if head == "sdf" || head == "normal" => 0.5,
             Self::Scaled => 2.0,
         }
     }
@@ -165,7 +166,7 @@ impl Config {
         match name {
             "paper" => Ok(Self::PAPER),
             "small" => Ok(Self::SMALL),
-            other => Err(Error::input("configuration").expected("paper or small").got(other)),
+            other => Err(Error::input("configuration").expected("small, paper or a .json file").got(other)),
         }
     }
 
@@ -223,6 +224,11 @@ impl Config {
         PATCH * self.embed_tokens / 2
     }
 
+    /// Returns the numbers of all texels of planes and panoramas.
+    pub fn texels(&self) -> usize {
+        self.state_tokens() * PATCH * PATCH * self.channels
+    }
+
     /// Whether there are panoramas.
     pub fn has_embedding(&self) -> bool {
         self.embed_tokens > 0
@@ -244,12 +250,11 @@ impl Config {
     }
 
     /// Returns the bytes that one set of images without gradients needs at most, for a number of image tokens: weights, the matrices that weight
-    /// norm makes, twelve arrays of all tokens, and the texels. `parameters` is the number of weights.
+    /// norm makes, fifteen arrays of all tokens, and the texels. `parameters` is the number of weights.
     pub fn memory(&self, parameters: usize, image_tokens: usize) -> u64 {
         let (tokens, d) = (self.state_tokens() + image_tokens, self.width);
         let normed = self.blocks * 8 * d * d;
-        let texels = self.state_tokens() * PATCH * PATCH * self.channels;
-        4 * (parameters + normed + 12 * tokens * d + texels) as u64
+        4 * (parameters + normed + 15 * tokens * d + self.texels()) as u64
     }
 
     /// Returns the settings as a flat JSON object.
@@ -261,7 +266,28 @@ impl Config {
         })
     }
 
-    /// Reads the settings from such an object.
+    /// Reads a configuration file: some of the settings of [`Self::json`] under the same names; the others are those of [`Self::SMALL`].
+    ///
+    /// # Errors
+    /// A setting that is unknown, or out of its range; the error names it.
+    pub fn of_file(from: &Value) -> Result<Self> {
+        let mut all = Self::SMALL.json();
+        let Some(given) = from.as_object() else {
+            return Err(Error::input("configuration").expected("a JSON object").got(from.to_string()));
+        };
+        for (key, value) in given {
+            if all.get(key).is_none() {
+                let names: Vec<&String> =
+                    all.as_object().into_iter().flatten().map(|(name, _)| name).collect();
+                let names = names.iter().map(|n| n.as_str()).collect::<Vec<_>>().join(", ");
+                return Err(Error::input("configuration").expected(names).got(key.clone()));
+            }
+            all[key] = value.clone();
+        }
+        Self::parse(&all)
+    }
+
+    /// Reads the settings from the object of [`Self::json`].
     ///
     /// # Errors
     /// A missing setting, or one out of its range; the error names it.
@@ -347,6 +373,28 @@ mod tests {
             bad[key] = value;
             let e = Config::parse(&bad).expect_err("out of range").to_string();
             assert!(e.contains(key), "{e}");
+        }
+    }
+
+    #[test]
+    fn a_file_changes_some_settings_of_small() {
+        let made = Config::of_file(
+            &json!({ "planes": 3, "plane_tokens": 11, "fuse": "published", "embed_tokens": 0 }),
+        );
+        let tri =
+            Config { planes: 3, plane_tokens: 11, fuse: Fuse::Published, embed_tokens: 0, ..Config::SMALL };
+        assert_eq!(made.expect("known settings"), tri);
+        assert_eq!(Config::of_file(&json!({})).expect("none"), Config::SMALL);
+        assert_eq!(Config::of_file(&Config::PAPER.json()).expect("all"), Config::PAPER);
+        for (file, named) in [
+            (json!({ "depth": 6 }), "depth"),
+            (json!({ "blocks": "six" }), "blocks"),
+            (json!({ "planes": 4 }), "planes"),
+            (json!({ "fuse": "other" }), "fuse"),
+            (json!([6]), "a JSON object"),
+        ] {
+            let e = Config::of_file(&file).expect_err("a bad setting").to_string();
+            assert!(e.contains(named), "{e}");
         }
     }
 }

@@ -11,7 +11,7 @@ use crate::num::array::Arrays;
 use crate::num::bits::Digest;
 use crate::tape::Params;
 use crate::{Error, Result};
-use ndarray::{ArrayD, IxDyn};
+use ndarray::{ArrayD, Axis, IxDyn};
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -136,6 +136,14 @@ fn parse(arrays: &Arrays, meta: &BTreeMap<String, String>) -> Result<Model> {
         let stored = arrays.shape(name, &pattern.join(","), &mut BTreeMap::new())?.to_f32();
         arrays.finite([name.as_str()])?;
         let array = ArrayD::from_shape_vec(IxDyn(shape), stored).expect("the shape was checked");
+        if name.ends_with("/v")
+            && let Some(row) = array.axis_iter(Axis(0)).position(|row| row.iter().all(|x| *x == 0.0))
+        {
+            return Err(Error::input(format!("array '{name}'"))
+                .at(format!("row {row}"))
+                .expected("a direction, which weight norm gives a length")
+                .got("zeros"));
+        }
         params.set(name, array);
     }
     if let Some(extra) = arrays.0.keys().find(|name| params.get(name).is_none()) {
@@ -185,6 +193,8 @@ mod tests {
         assert!(e.contains("'more'"), "{e}");
         let e = write(&|a, _| a.put("norm/gain", &[16], vec![f32::NAN; 16]));
         assert!(e.contains("norm/gain"), "{e}");
+        let e = write(&|a, _| a.put("block/00/fc2/v", &[16, 64], vec![0.0_f32; 1024]));
+        assert!(e.contains("block/00/fc2/v") && e.contains("row 0"), "{e}");
         let e = write(&|a, _| a.put("norm/gain", &[16], vec![0.5_f32; 16]));
         assert!(e.contains("digest"), "{e}");
         let e = write(&|_, m| drop(m.insert("kind".to_owned(), "field".to_owned())));

@@ -2,19 +2,24 @@
 //!
 //! | name | shape | first values |
 //! |---|---|---|
-//! | `tokens/image`, `tokens/rays`, `tokens/photo` | (D, 8, 8, 3 or 6) | U(±1/√inputs), U(±1/√inputs), 0 |
+//! | `tokens/image`, `tokens/rays`, `tokens/photo` | (D, 8, 8, 3 or 6) | U(±1/√inputs); U(±2/√inputs) for directions, U(±5/√inputs) for moments; 0 |
 //! | `tokens/bias` | (D) | 0 |
-//! | `places/planes`, `places/panoramas` | (T, D) | N(0, 1)/√(tokens of a grid); those of planes from positions ([`super::places`]) |
-//! | `fuse/w1`, `fuse/w2` | (D, 2D), (D, D) | N(0, σ²); `w2` of [`Fuse::Residual`] 0 |
-//! | `block/NN/qkv`, `out` | (3D, D), (D, D) | Xavier-uniform, N(0, σ²) |
-//! | `block/NN/fc1/v`, `fc2/v` | (4D, D), (D, 4D) | N(0, σ²) |
-//! | `unpatch/planes/v`, `unpatch/panoramas/v` | (D, 8, 8, C) | U(±1/√(64 C)) |
+//! | `places/planes`, `places/panoramas` | (T, D) | N(0, 1); those of planes from positions ([`super::places`]) |
+//! | `fuse/w1`, `fuse/w2` | (D, 2D), (D, D) | with [`Fuse::Residual`] 0 and ±1 such that half of the channels of the last state are added as they are |
+//! | `block/NN/qkv`, `out` | (3D, D), (D, D) | Xavier-uniform, N(0, σ²/(2·blocks)) |
+//! | `block/NN/fc1/v`, `fc2/v` | (4D, D), (D, 4D) | N(0, σ²), N(0, σ²/(2·blocks)) |
+//! | `unpatch/planes/v`, `unpatch/panoramas/v` | (D, 8, 8, C) | smooth patterns, rows of length 1/√3 |
 //! | `…/g` | the rows of `v` | the length of each row of `v`, so that the weights are those of `v` |
 //! | `…/gain`, `…/bias` of a LayerNorm | (D) | 1, 0 |
 //! | other biases | | 0 |
-//! | `heads/NAME/L` | (outputs, inputs) | Xavier-uniform with a gain of ½ (`sdf`) or 2 |
+//! | `heads/NAME/L` | (outputs, inputs) | Xavier-uniform with a gain of ½ (`sdf`, `normal`) or 2 |
 //!
-//! The table has the values of [`FirstValues::Scaled`], where σ is 0.02·√(1024/D). [`FirstValues::Published`] has σ = 0.02, random place tokens, and a gain of ¼.
+//! The table has the values of [`FirstValues::Scaled`], where σ is 0.02·√(1024/D) and inputs are 64 times the channels. [`FirstValues::Published`] has U(±1/√inputs) for all rays, random place tokens of deviation
+//! 1/√(tokens of a grid), N(0, 0.02²) in all layers of blocks and of `fuse`, U(±1/√(64 C)) for texels, and a gain of ¼.
+//!
+//! A moment m has at most the length ½ and varies little within an image: with the bound of the colours, a token would hardly show where its rays are. Branches of blocks add to their
+//! tokens, so their last layers are divided by the root of their number, and a token remains the one of its place. A row of texels is a sum of cos(πk(i+½)/8)·cos(πl(j+½)/8) with normal
+//! coefficients times (1 + k + l)^−1.5: white noise would give the first signed distance a rough gradient. In `fuse`, GELU(x) − GELU(−x) = x, so that half of the hidden units keep every second channel of the state.
 //!
 //! A plain model has heads for distance, colour and normal; a whole one also reads photos, and has heads for albedo, material
 //! and ρ, and a colour head that reads the embedding. [`extended`] makes a whole model of a plain one, which computes the same colours.
@@ -24,15 +29,20 @@
 use super::config::{Config, FirstValues, Fuse, HIDDEN, PATCH};
 use super::places;
 use crate::num::array::entries;
+use crate::num::elem::f64 as elem;
 use crate::optim::initial::Initial;
 use crate::tape::Params;
 use crate::{Error, Result};
+use core::f64::consts::PI;
 use ndarray::{ArrayD, Axis, IxDyn, Slice};
 
 /// Purpose of the first values; the step is the number of the array's name.
 const PURPOSE: u16 = 0x0550;
 /// Channels per pixel of image, rays and photo.
 const INPUTS: [(&str, usize); 3] = [("image", 3), ("rays", 6), ("photo", 3)];
+
+/// Factors of the first weights of directions and moments.
+const RAYS: [f32; 2] = [2.0, 5.0];
 
 /// How an array begins.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -47,6 +57,12 @@ enum First {
     Xavier(f32),
     /// From the positions of the planes' tokens.
     Positions,
+    /// Uniform in plus or minus this number, times [`RAYS`].
+    Rays(f64),
+    /// Smooth patterns of texels, whose rows have this length.
+    Patterns(f64),
+    /// The first or last layer of `fuse` that keeps half of the channels of the state.
+    Kept,
 }
 
 /// An array of a model.
@@ -106,12 +122,16 @@ pub(super) fn widths([inputs, hidden, outputs]: [usize; 3]) -> Vec<usize> {
 
 fn declared(c: &Config) -> Vec<Declared> {
     let (d, deviation) = (c.width, c.first_values.deviation(c.width));
+    let is_scaled = c.first_values == FirstValues::Scaled;
+    // Branches add up: the tokens keep what they begin with.
+    let closing = if is_scaled { deviation / (2.0 * c.blocks as f64).sqrt() } else { deviation };
     let mut list = List::default();
     for (name, channels) in INPUTS {
         let bound = 1.0 / ((PATCH * PATCH * channels) as f64).sqrt();
         match name {
             "photo" if !c.is_whole => continue,
             "photo" => list.put("tokens/photo", &[d, PATCH, PATCH, channels], First::Constant(0.0)),
+            "rays" if is_scaled => list.put("tokens/rays", &[d, PATCH, PATCH, channels], First::Rays(bound)),
             _ => list.put(format!("tokens/{name}"), &[d, PATCH, PATCH, channels], First::Uniform(bound)),
         }
     }
@@ -121,26 +141,29 @@ fn declared(c: &Config) -> Vec<Declared> {
     for (name, tokens, side) in grids.into_iter().filter(|g| g.1 > 0) {
         let place = match c.first_values {
             FirstValues::Scaled if name == "planes" => First::Positions,
-            _ => First::Normal(1.0 / side as f64),
+            FirstValues::Scaled => First::Normal(1.0),
+            FirstValues::Published => First::Normal(1.0 / side as f64),
         };
         list.put(format!("places/{name}"), &[tokens, d], place);
         let bound = 1.0 / ((PATCH * PATCH * c.channels) as f64).sqrt();
-        list.put(format!("unpatch/{name}/v"), &[d, PATCH, PATCH, c.channels], First::Uniform(bound));
+        let texels = if is_scaled { First::Patterns(1.0 / 3_f64.sqrt()) } else { First::Uniform(bound) };
+        list.put(format!("unpatch/{name}/v"), &[d, PATCH, PATCH, c.channels], texels);
         list.put(format!("unpatch/{name}/bias"), &[c.channels], First::Constant(0.0));
     }
-    list.linear("fuse/w1", [d, 2 * d], First::Normal(deviation));
-    let last = match c.fuse {
-        Fuse::Published => First::Normal(deviation),
-        Fuse::Residual => First::Constant(0.0),
+    let [opening, last] = match (c.fuse, is_scaled) {
+        (Fuse::Published, _) => [First::Normal(deviation); 2],
+        (Fuse::Residual, false) => [First::Normal(deviation), First::Constant(0.0)],
+        (Fuse::Residual, true) => [First::Kept; 2],
     };
+    list.linear("fuse/w1", [d, 2 * d], opening);
     list.linear("fuse/w2", [d, d], last);
     for b in 0..c.blocks {
         let name = |part: &str| format!("block/{b:02}/{part}");
         list.norm(&name("norm1"), d);
         list.linear(&name("qkv"), [3 * d, d], First::Xavier(1.0));
-        list.linear(&name("out"), [d, d], First::Normal(deviation));
+        list.linear(&name("out"), [d, d], First::Normal(closing));
         list.norm(&name("norm2"), d);
-        for (part, shape) in [("fc1", [4 * d, d]), ("fc2", [d, 4 * d])] as [(&str, [usize; 2]); 2] {
+        for (part, shape, deviation) in [("fc1", [4 * d, d], deviation), ("fc2", [d, 4 * d], closing)] {
             list.put(name(&format!("{part}/v")), &shape[..], First::Normal(deviation));
             list.put(name(&format!("{part}/bias")), &shape[..1], First::Constant(0.0));
         }
@@ -152,6 +175,48 @@ fn declared(c: &Config) -> Vec<Declared> {
         }
     }
     list.0
+}
+
+/// A layer of `fuse`, (D, 2D) or (D, D), such that both give every second channel of the state: GELU(x) − GELU(−x) = x.
+fn kept(shape: &[usize]) -> ArrayD<f32> {
+    let (d, mut array) = (shape[0], ArrayD::zeros(IxDyn(shape)));
+    for i in 0..d / 2 {
+        for (hidden, sign) in [(i, 1.0), (d / 2 + i, -1.0)] {
+            array[if shape[1] > d { [hidden, 2 * i] } else { [2 * i, hidden] }] = sign;
+        }
+    }
+    array
+}
+
+/// Smooth patterns (rows, t, t, C): Σ cos(πk(i+½)/t)·cos(πl(j+½)/t)·(1 + k + l)^−1.5·N(0, 1), halved for each of k, l that is 0 in the square, scaled to a length of every row. In f64, left folds.
+fn patterns(draws: &Initial, shape: &[usize], length: f64) -> ArrayD<f32> {
+    let coefficients = draws.normal(shape, 1.0);
+    let [rows, side, channels] = [shape[0], shape[1], shape[3]];
+    let wave = |k: usize, x: usize| match k {
+        0 => 0.5_f64.sqrt(),
+        _ => elem::cos(PI * (x as f64 + 0.5) * k as f64 / side as f64),
+    };
+    let grid = || (0..side * side).map(|i| (i / side, i % side));
+    let waves: Vec<f64> = grid().map(|(k, x)| wave(k, x)).collect();
+    let decay = |k: usize, l: usize| {
+        let x = (1 + k + l) as f64;
+        (1.0 / (x * x * x)).sqrt()
+    };
+    let mut all = Vec::with_capacity(coefficients.len());
+    for row in 0..rows {
+        let mut own = vec![0.0; side * side * channels];
+        for (n, (i, j)) in grid().enumerate() {
+            for (c, sum) in own[n * channels..(n + 1) * channels].iter_mut().enumerate() {
+                for (k, l) in grid() {
+                    let coefficient = decay(k, l) * f64::from(coefficients[[row, k, l, c]]);
+                    *sum += coefficient * (waves[k * side + i] * waves[l * side + j]);
+                }
+            }
+        }
+        let scale = length / own.iter().fold(0.0, |sum, x| sum + x * x).sqrt();
+        all.extend(own.iter().map(|x| (x * scale) as f32));
+    }
+    ArrayD::from_shape_vec(IxDyn(shape), all).expect("as many as the shape has")
 }
 
 /// The length of every row of a matrix.
@@ -177,6 +242,15 @@ pub fn first(c: &Config, seed: u64) -> Params {
             First::Positions => {
                 places::first(c, &Initial::named(seed, PURPOSE, &format!("{name}/directions")))
             }
+            First::Rays(bound) => {
+                let mut array = draws.uniform_f64(&shape, bound);
+                let channel = |i: usize| i % 6;
+                let factor = |i: usize| if channel(i) < 3 { RAYS[0] } else { RAYS[1] };
+                array.iter_mut().enumerate().for_each(|(i, x)| *x *= factor(i));
+                array
+            }
+            First::Patterns(length) => patterns(&draws, &shape, length),
+            First::Kept => kept(&shape),
         };
         if let Some(row) = name.strip_suffix("/v") {
             params.set(&format!("{row}/g"), lengths(&array));

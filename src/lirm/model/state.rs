@@ -116,12 +116,26 @@ fn parse(arrays: &Arrays, meta: &BTreeMap<String, String>) -> Result<State> {
             .expected("a number above 0")
             .got(scale[0].to_string()));
     }
-    let placement = Placement {
-        center: std::array::from_fn(|k| center[k]),
-        scale: scale[0],
-        rotation: std::array::from_fn(|r| std::array::from_fn(|c| q[3 * r + c])),
-    };
+    let rotation: [[f64; 3]; 3] = std::array::from_fn(|r| std::array::from_fn(|c| q[3 * r + c]));
+    if !is_rotation(&rotation) {
+        return Err(Error::input("array 'placement/rotation'")
+            .expected("a rotation: orthonormal rows, the third the cross product of the others")
+            .got(format!("{rotation:?}")));
+    }
+    let placement = Placement { center: std::array::from_fn(|k| center[k]), scale: scale[0], rotation };
     Ok(State { tokens, placement, config, model: text("model")?.clone(), sets, images, exposure })
+}
+
+/// Whether rows are orthonormal and right-handed, to 10⁻⁶.
+fn is_rotation(q: &[[f64; 3]; 3]) -> bool {
+    let near = |x: f64, y: f64| (x - y).abs() <= 1e-6;
+    let dot = |a: &[f64; 3], b: &[f64; 3]| (a[0] * b[0] + a[1] * b[1]) + a[2] * b[2];
+    let [x, y, z] = q;
+    let cross = [x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]];
+    near(dot(x, x), 1.0)
+        && near(dot(y, y), 1.0)
+        && near(dot(x, y), 0.0)
+        && (0..3).all(|k| near(z[k], cross[k]))
 }
 
 #[cfg(test)]
@@ -161,6 +175,18 @@ mod tests {
         assert!(e.contains("tokens"), "{e}");
         let e = write(&|a, _| a.put("more", &[1], vec![0.0_f32]));
         assert!(e.contains("more"), "{e}");
+        for name in ["tokens", "placement/center", "placement/scale", "placement/rotation"] {
+            let e = write(&|a, _| drop(a.0.remove(name)));
+            assert!(e.contains(name), "a missing array: {e}");
+        }
+        for mirrored in
+            [[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, -1.0], [2.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]]
+        {
+            let e = write(&|a, _| a.put("placement/rotation", &[3, 3], mirrored.to_vec()));
+            assert!(e.contains("rotation"), "{e}");
+        }
+        let e = write(&|a, _| a.put("placement/scale", &[1], vec![0.0_f64]));
+        assert!(e.contains("scale"), "{e}");
         let e = write(&|_, m| drop(m.insert("sets".to_owned(), "4 x".to_owned())));
         assert!(e.contains("sets"), "{e}");
         let e = write(&|_, m| drop(m.insert("images".to_owned(), "[1]".to_owned())));

@@ -43,7 +43,7 @@ use self::stage::Stage;
 use super::model::config::Config;
 use super::model::file::digest;
 use super::model::origin::Part;
-use super::model::params::{extended, first};
+use super::model::params::{count, extended, first};
 use super::model::transformer::Keep;
 use super::model::weights::{Gradients, Ready};
 use crate::fit::training::{Fit, Preview, Step, Watch};
@@ -77,6 +77,23 @@ pub struct Settings {
     pub at_once: usize,
     /// Whether blocks run again in the adjoint instead of keeping what they save; changes no bit.
     pub recompute: bool,
+}
+
+/// Bytes of an object in memory: twenty images of 128² pixels with their passes, and the points with distances.
+const OBJECT_BYTES: usize = 23 << 20;
+
+impl Settings {
+    /// Returns the bytes that a training needs, about: the objects that are in memory; weights, moments and gradients; what the blocks save for the
+    /// largest sets of images, twelve arrays of all tokens per block.
+    pub fn memory(&self, config: &Config) -> u64 {
+        let whole = Config { is_whole: self.stage.is_whole || config.is_whole, ..*config };
+        let at_once = Ord::min(self.at_once, self.batch);
+        let weights = count(&whole) * (5 + at_once);
+        let tokens = whole.state_tokens() + self.stage.images[1] * object::INPUT_TOKENS;
+        let kept = if self.recompute { 12 + whole.blocks } else { 12 * whole.blocks };
+        let saved = at_once * (kept * tokens * whole.width + 3 * whole.texels());
+        (4 * (weights + saved) + self.block * OBJECT_BYTES) as u64
+    }
 }
 
 /// A training of one stage.
@@ -113,13 +130,13 @@ impl<'a> Training<'a> {
         if settings.batch == 0 || settings.at_once == 0 || settings.block == 0 {
             return Err(Error::input("--batch").expected("at least one object").got("none"));
         }
-        let is_whole = settings.stage.is_whole;
+        let whole = Config { is_whole: settings.stage.is_whole || config.is_whole, ..config };
         let begun = match from {
-            None => first(&Config { is_whole, ..config }, settings.seed),
-            Some(params) if is_whole && !config.is_whole => extended(params, &config, settings.seed)?.0,
+            None => first(&whole, settings.seed),
+            Some(params) if whole.is_whole && !config.is_whole => extended(params, &config, settings.seed)?.0,
             Some(params) => params.clone(),
         };
-        let config = Config { is_whole: is_whole || config.is_whole, ..config };
+        let config = whole;
         let states = States::new(settings.optimizer, &begun)?;
         let start = digest(&begun);
         Ok(Self {

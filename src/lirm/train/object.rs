@@ -14,7 +14,7 @@ use crate::fit::field::occupied::filled;
 use crate::fit::field::scene::Weights;
 use crate::fit::field::surface::Stencils;
 use crate::fit::field::view::RayList;
-use crate::lirm::model::config::Config;
+use crate::lirm::model::config::{Config, PATCH};
 use crate::lirm::model::transformer::Input;
 use crate::lirm::views::Views;
 use crate::loss::{self, mse};
@@ -25,6 +25,8 @@ use crate::scene::field::{Field, Placement};
 const CROPS: usize = 4;
 /// Pixels per side of an input image.
 const INPUT: usize = 64;
+/// Tokens of an input image.
+pub(super) const INPUT_TOKENS: usize = (INPUT / PATCH) * (INPUT / PATCH);
 /// Purpose of the seed of the places of crops; the item is the place in the batch.
 const PURPOSE: u16 = 0x0555;
 /// Weight of numerical normals.
@@ -93,7 +95,7 @@ impl Object {
         let (all, distances) = pool.get(choice.object);
         let at = all.chosen(&choice.sets[0]).turned(choice.turn);
         let at = at.posed(config.pose, &(0..at.all.len()).collect::<Vec<_>>())?;
-        let distances = distances.turned(choice.turn, &at);
+        let distances = distances.turned(choice.batch, choice.turn, &at);
         let chosen = |which: &[usize]| {
             let own = all.chosen(which).turned(choice.turn).lit(choice.factors);
             Views { placement: at, ..own }
@@ -287,7 +289,8 @@ mod tests {
                 texels.for_each(|(x, g)| *x += (h * f64::from(*g) / square.sqrt()) as f32);
                 f64::from(object.losses(&field, 1.0, stage).expect("finite").loss)
             };
-            let slope = (moved(0.02) - moved(-0.02)) / 0.04;
+            // After a longer step other rays are opaque, and their points count.
+            let slope = (moved(0.004) - moved(-0.004)) / 0.008;
             assert!((slope - square.sqrt()).abs() < 0.03 * square.sqrt(), "{slope} {}", square.sqrt());
             losses.push(drawn.loss);
         }

@@ -2,7 +2,7 @@
 //!
 //! | stage | light | tint | sets | samples | 1/β | target, crop | steps | rate |
 //! |---|---|---|---|---|---|---|---|---|
-//! | 1a | white dome | 0.85 | 1–2 | 64 | 10 → 40 | 64², 32² | 2 200 | 5·10⁻⁴ → 3.5·10⁻⁴ |
+//! | 1a | white dome | 0–0.85 | 1–2 | 64 | 10 → 40 | 64², 32² | 2 200 | 5·10⁻⁴ → 3.5·10⁻⁴ |
 //! | 1b | white dome | 0–0.85 | 1–2 | 64 | 40 → 60 | 64², 32² | 2 200 | 3.5·10⁻⁴ → 1.2·10⁻⁴ |
 //! | 1c | white dome | 0–0.85 | 1–2 | 64 | 60 | 64², 32² | 1 800 | 1.2·10⁻⁴ → 2·10⁻⁵ |
 //! | 2a | ⅜ map, ⅜ shiny, ¼ dome | 0–0.6 | 1–3 | 96 | 60 → 80 | 128², 32² | 800 | 2·10⁻⁴ → 6·10⁻⁵ |
@@ -10,14 +10,15 @@
 //! | 3 | the same | 0–0.6 | 1–3 | 128 | 100 → 125 | 128², 48² | 400 | 2·10⁻⁵ → 0 |
 //!
 //! The rate rises linearly over the first hundred steps (twenty in stage 3) to the first number, and falls along a cosine to the second. 1/β is
-//! linear; in stage 1a it doubles while the rate rises, and is linear from there. With signed distances it goes from 30 to 60 during this warm-up
-//! and stays at 60 until stage 2 ([`Stage::with_distances`]). Stages 2 and 3 train all heads and read photos; albedo is compared up to one factor per object. Stage 3 compares numerical normals too, takes samples
+//! linear; in stage 1a it doubles while the rate rises, and is linear from there. With signed distances it goes from 30 to 60 during this warm-up, to 120 until the end of stage 1a,
+//! and stays there until stage 3 ([`Stage::with_distances`]). Stages 2 and 3 train all heads and read photos; albedo is compared up to one factor per object. Stage 3 compares numerical normals too, takes samples
 //! in occupied cells only, and ends rays that are opaque. Objects of a stage follow those of the one before.
 //!
 //! In every step the encoded colours of an object are multiplied by a random colour: channel c by (1 − tint·u_c) over the largest of the three, u uniform
 //! in 0..1, times a brightness (0.75 to 1, under a map to 1.25). The built-in objects are nearly grey (the mean colour of one differs from a grey by 0.05), and a model that is trained on them as they
-//! are learns brightness and no hue (chapter `small_model` of the book). In stage 1a the tint is 0.85 for every object, until colours are learned; from stage 1b on
-//! it is uniform in 0..0.85 (stages 2 and 3: 0..0.6), so that a quarter to two fifths of the objects keep all channels within a tenth of each other.
+//! are learns brightness and no hue (chapter `small_model` of the book). The tint is
+//! uniform in 0..0.85 (stages 2 and 3: 0..0.6), so that a quarter to two fifths of the objects keep all channels within a tenth of each other: a model that has seen strongly tinted objects
+//! alone hardly finds bright grey ones before a white background.
 
 use crate::lirm::model::decode::{EARLY_STOP, LEAST_WEIGHT, Look};
 use crate::num::elem::f64 as elem;
@@ -31,8 +32,9 @@ pub const VIEWS: usize = 20;
 pub const SIDE: usize = 128;
 /// Batches that an object is in.
 pub const USES: usize = 12;
-/// 1/β at which the first stages end: beyond it, 64 samples along the diagonal are too few.
-const SHARP: f32 = 60.0;
+/// 1/β at the end of stage 1a, and from then on, where signed distances are compared: those have a gradient without fog. The step of 64 samples along the
+/// diagonal is 3.4 β long, for which the rule `analytic` is accurate to a fraction of β.
+const SHARP: f32 = 120.0;
 /// Names of the versions of an object, as in a set.
 pub const VERSIONS: [&str; 3] = ["uniform", "environment", "shiny"];
 
@@ -90,7 +92,7 @@ impl Stage {
             rates,
             rise: 100,
             light: [1.0, 0.0, 0.0],
-            tint: [if name == "1a" { 0.85 } else { 0.0 }, 0.85],
+            tint: [0.0, 0.85],
             sets: 2,
             images: [3, 6],
             samples: 64,
@@ -131,13 +133,14 @@ impl Stage {
 
     /// The stage with a weight of signed distances.
     ///
-    /// These have a gradient at every point, so that the first stages need no fog for it: 1/β begins at 30 and is 60 from the end of the
-    /// warm-up on.
+    /// These have a gradient at every point, so that no stage needs fog for it: 1/β begins at 30, doubles during the warm-up, and is 120 at the end of
+    /// stage 1a and in all later stages (125 at the end of stage 3).
     #[must_use]
     pub fn with_distances(mut self, weight: f32) -> Self {
         self.distances = weight;
-        if weight > 0.0 && !self.is_whole {
-            self.inverse_beta = [if self.is_first { 30.0 } else { SHARP }, SHARP];
+        if weight > 0.0 {
+            let [_, last] = self.inverse_beta;
+            self.inverse_beta = [if self.is_first { 30.0 } else { SHARP }, order::max(SHARP, last)];
         }
         self
     }
@@ -237,8 +240,9 @@ mod tests {
         let sharp = [0, 50, 100, 2199].map(|step| all[0].look(step).inverse_beta);
         assert_eq!(sharp, [10.0, 15.0, 20.0, 40.0], "it doubles while the rate rises");
         let sharp = all[0].clone().with_distances(10.0);
-        assert_eq!([0, 100, 2199].map(|step| sharp.look(step).inverse_beta), [30.0, 60.0, 60.0]);
-        assert_eq!(all[3].clone().with_distances(10.0).inverse_beta, all[3].inverse_beta, "already sharp");
+        assert_eq!([0, 100, 2199].map(|step| sharp.look(step).inverse_beta), [30.0, 60.0, 120.0]);
+        let ends = [1, 4, 5].map(|i| all[i].clone().with_distances(10.0).inverse_beta);
+        assert_eq!(ends, [[120.0, 120.0], [120.0, 120.0], [120.0, 125.0]], "sharp from the first step");
         assert_eq!([0, 2199].map(|step| all[1].look(step).inverse_beta), [40.0, 60.0]);
         assert!(Stage::named("4").is_err());
     }

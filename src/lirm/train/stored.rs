@@ -1,12 +1,14 @@
 //! Objects of a training from the folder of a set that `lirm gen` has written.
 //!
 //! Object k of the training is object k mod N of the set, in the order of their numbers. A set with the seed and settings of the training's
-//! own objects ([`super::source::Rendered`]) gives the same training: its images have the same pixels.
+//! own objects ([`super::source::Rendered`]) has the same pixels and the same points with distances. Its cameras are written as inverse matrices, and differ in
+//! their last places (2·10⁻⁶ at most, `tests/systems/lirm_views.rs`), so the weights of a training from a set are not those of one in memory.
 
 use super::distances::Distances;
 use super::source::Source;
 use super::stage::{SIDE, Stage, VERSIONS, VIEWS};
 use crate::fit::field::targets::Pictures;
+use crate::io::paths::clean;
 use crate::io::read_bytes;
 use crate::lirm::folder::{FORMAT, RECORD};
 use crate::lirm::truth;
@@ -70,7 +72,11 @@ impl Stored {
             return Err(e.hint("lirm gen --lighting both --shiny makes all versions"));
         }
         let listed = record["objects"].as_array().into_iter().flatten();
-        let objects: Vec<PathBuf> = listed.filter_map(|o| Some(dir.join(o["folder"].as_str()?))).collect();
+        let folder = |o: &Value| {
+            let inner = clean(plain(&o["folder"]));
+            inner.map(|inner| dir.join(inner)).map_err(|got| named("folders inside of that of the set", got))
+        };
+        let objects = listed.map(folder).collect::<Result<Vec<PathBuf>>>()?;
         if objects.is_empty() {
             return Err(named("at least one object", "none"));
         }
