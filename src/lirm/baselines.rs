@@ -7,7 +7,7 @@
 //!
 //! A point of the hull's surface is seen by an input if the hull does not begin more than [`SLACK`] in front of it. A pixel that the object
 //! covers in part shows the object's share, not the white behind it. Images of the hull are means over 2×2 rays per pixel. Both are given
-//! the true foreground, as the model is.
+//! the true foreground; the model reads colours over white alone.
 
 use super::views::View;
 use crate::fit::field::targets::share;

@@ -9,6 +9,7 @@
 //! | `psnr_db`, `nearest_db`, `hull_db` | PSNR over white: model, nearest input, visual hull | dB |
 //! | `small_hull_db` | the same of the visual hull of the images of 64² that the model reads; the other baselines have those of 128² | dB |
 //! | `ssim` | structural similarity | |
+//! | `rfd` | distance of responses to random filters; not LPIPS | |
 //! | `foreground_iou`, `hull_iou` | pixels that are covered in both / in one, by half or more | |
 //! | `color`, `gray` | of the mean colours of the object in image and truth, absolute difference, mean over channels; of a grey with the true brightness and the truth | 0 to 1, encoded |
 //! | `numerical_normals_deg` | angle of numerical normals | degrees |
@@ -35,6 +36,8 @@ use crate::fit::evaluate::compare;
 use crate::fit::field::benchmark::Shape;
 use crate::fit::field::targets::target;
 use crate::fit::field::{Target, mesh, scores, view};
+use crate::loss;
+use crate::loss::metric::rfd;
 use crate::num::rng::Rng;
 use crate::num::{order, par, sum};
 use crate::scene::field::Placement;
@@ -392,6 +395,11 @@ fn output(
     out.extend(of_model.into_iter().filter_map(|(name, x)| Some((name, x?))));
     out.insert("psnr_db", s.image.score.psnr_db);
     out.insert("ssim", s.image.score.ssim);
+    let (height, width) = (truth.camera.height, truth.camera.width);
+    out.insert(
+        "rfd",
+        rfd::forward(&loss::In { x: &s.image.image, y: &truth.color, mask: None, height, width })?,
+    );
     out.insert("foreground_iou", overlap(&s.images.opacity, &truth.foreground));
     let means = [&s.image.image, &truth.color].map(|x| mean_color(x, &truth.foreground));
     if let [Some(found), Some(wanted)] = means {

@@ -5,6 +5,7 @@ use super::model::transformer::Input;
 use super::model::weights::Ready;
 use super::views::{View, Views};
 use crate::fit::field::targets::placed;
+use crate::num::sum;
 use crate::scene::field::Placement;
 use crate::scene::rays::plucker;
 use crate::{Error, Result};
@@ -56,8 +57,22 @@ pub fn inputs(views: &Views, has_photo: bool) -> Result<Vec<Input>> {
 }
 
 impl Ready<'_> {
-    /// Reads sets of images one after the other; returns the last state.
-    pub fn read_all(&self, state: &[f32], sets: &[Vec<Input>]) -> Vec<f32> {
-        sets.iter().fold(state.to_vec(), |state, set| self.read(&state, set, None).0)
+    /// Reads sets of images one after the other; returns the last state, and how much each set has changed it ([`change`]).
+    pub fn read_all(&self, state: &[f32], sets: &[Vec<Input>]) -> (Vec<f32>, Vec<f64>) {
+        let (mut state, mut changes) = (state.to_vec(), Vec::with_capacity(sets.len()));
+        for set in sets {
+            let next = self.read(&state, set, None).0;
+            changes.push(change(&state, &next));
+            state = next;
+        }
+        (state, changes)
     }
+}
+
+/// The relative change of a state, ‖Tᵐ − Tᵐ⁻¹‖ / ‖Tᵐ‖, in f64; 1 after no state, which is zero.
+pub fn change(before: &[f32], after: &[f32]) -> f64 {
+    let length = |x: Vec<f64>| sum::tree_f64(&x).sqrt();
+    let square = |x: f64| x * x;
+    let moved = before.iter().zip(after).map(|(a, b)| square(f64::from(*b) - f64::from(*a))).collect();
+    length(moved) / length(after.iter().map(|x| square(f64::from(*x))).collect())
 }

@@ -5,6 +5,6 @@ pub mod last;
 pub mod lirm;
 
 use lastlight_import::scene;
-use lastlight_kernels::loss;
+use lastlight_kernels::{loss, shade};
 use lastlight_num::{Error, Result, math, num};
 use lastlight_train::{experiment, fit};

@@ -48,7 +48,7 @@ impl Long {
 }
 
 /// All of them.
-pub const ALL: [Long; 11] = [
+pub const ALL: [Long; 12] = [
     fast(
         "splat fit",
         "splat fit ../shop/photos --iterations 800 --initial 200 --max-gaussians 400 --checkpoint-every 20",
@@ -72,6 +72,11 @@ pub const ALL: [Long; 11] = [
     fast(
         "last gen",
         "last gen --scale smoke --split all --observational 24 --groups 4 --appearances 2 --body-points 128 --frames 4 --test-cameras 1 --set-size 32 --video-size 48 --samples 2",
+        Again::Resume,
+    ),
+    fast(
+        "lirm train",
+        "lirm train --stage 1a --config ../shop/tiny.json --steps 40 --batch 1 --objects-at-once 1 --checkpoint-every 3",
         Again::Resume,
     ),
     fast("lirm gen", "lirm gen --objects 2 --views 6 --size 48 --samples 16 --texture 32", Again::Resume),
@@ -99,6 +104,10 @@ const fn fast(name: &'static str, line: &'static str, again: Again) -> Long {
     Long { name, line, again, slow: false }
 }
 
+/// Configuration of a LIRM model whose steps take little time.
+pub const TINY: &str =
+    r#"{"blocks": 1, "width": 8, "heads": 2, "plane_tokens": 1, "embed_tokens": 1, "channels": 2}"#;
+
 /// Command number n of a campaign: the slow ones have a share of one in five of the others, or none.
 pub fn scheduled(n: u64, with_slow: bool) -> Long {
     let fast: Vec<Long> = ALL.into_iter().filter(|l| !l.slow).collect();
@@ -118,6 +127,7 @@ pub fn scheduled(n: u64, with_slow: bool) -> Long {
 pub fn prepare(program: &Program, scratch: &Path) -> Result<()> {
     let dir = scratch.join("shop");
     std::fs::create_dir(&dir)?;
+    std::fs::write(dir.join("tiny.json"), TINY)?;
     let shop = Workshop::new(program, &dir);
     shop.run(
         "last gen --scale smoke --split all --observational 16 --groups 16 --appearances 1 --body-points 64 --render-as points --frames 3 \

@@ -99,6 +99,12 @@ fn a_model_reads_images_and_more_of_them() {
     ];
     let two = json(&args, dir);
     assert_eq!(two["digest"], one["digest"]);
+    let changes = |record: &Value| record["changes"].as_array().expect("a list").clone();
+    assert_eq!(
+        (changes(&one)[0].as_f64(), &changes(&one)[1..]),
+        (Some(1.0), &changes(&two)[..]),
+        "of every set"
+    );
     assert_eq!(two["sets"], one["sets"]);
     let size = |of: &str| std::fs::metadata(dir.join(of).join("state.safetensors")).expect("a state").len();
     // One set and four: the lists of the numbers of images and of their names are longer, and the header is padded to eight bytes.
@@ -202,17 +208,25 @@ fn a_study_runs_and_its_report_can_be_made_again() {
     made(dir);
     let study = json(&line("lirm study --model m --out s --scale smoke --json -q"), dir);
     let all = study["experiments"].as_array().expect("experiments");
-    assert_eq!(all.len(), 9, "{study}");
+    assert_eq!(all.len(), 10, "{study}");
     let of = |id: &str| all.iter().find(|x| x["id"] == id).expect("an experiment");
-    assert_eq!(of("rounds")["rows"].as_array().map(Vec::len), Some(2), "two orders");
+    assert_eq!(of("rounds")["rows"].as_array().map(Vec::len), Some(4), "two orders, and both in the paper");
     assert_eq!(of("controls")["rows"].as_array().map(Vec::len), Some(5), "five kinds of inputs");
     assert!(of("materials")["verdict"].as_str().is_some_and(|v| v.contains("no materials")), "a plain model");
+    assert!(of("relit")["verdict"].as_str().is_some_and(|v| v.contains("no materials")), "a plain model");
+    let whole = line("lirm init --whole --out whole.safetensors -q");
+    assert!(lastlight(&whole, dir).status.success(), "a model with materials");
+    let relit =
+        json(&line("lirm study relit --model whole.safetensors --out w --scale smoke --json -q"), dir);
+    let rows = relit["experiments"][0]["rows"].as_array().expect("rows");
+    assert_eq!(rows[2][1], "1.00", "a field of first values has a surface, which is relit: {relit}");
+    assert_ne!(rows[0][1], "–", "{relit}");
     assert_eq!(of("variants")["rows"].as_array().map(Vec::len), Some(11), "five models and six differences");
     let again =
         json(&line("lirm study --model m --out s --scale smoke --resume --report-only --json -q"), dir);
     assert_eq!(again["experiments"], study["experiments"], "from the files");
     let listed = json(&line("lirm study list --json"), dir);
-    assert_eq!(listed["experiments"].as_array().map(Vec::len), Some(9));
+    assert_eq!(listed["experiments"].as_array().map(Vec::len), Some(10));
 }
 
 #[test]

@@ -8,6 +8,7 @@ mod cli_field_import;
 mod cli_gen;
 mod cli_last;
 mod cli_lirm;
+mod cli_lirm_captures;
 mod cli_lirm_model;
 mod cli_study;
 #[path = "../common/mod.rs"]

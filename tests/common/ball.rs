@@ -151,7 +151,7 @@ pub(crate) fn without_passes(mut targets: Targets) -> Targets {
 }
 
 /// The image of camera `k` before it has a place in a field.
-#[allow(dead_code, reason = "the tests of bits have no use for it")]
+#[allow(dead_code, reason = "some tests have no use for it")]
 pub(crate) fn picture(k: usize, side: usize) -> Picture {
     let Target { name, camera, color, foreground, kept, .. } = target(k, side);
     let passes = PassImages::default();

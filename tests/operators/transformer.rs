@@ -2,8 +2,11 @@
 
 use lastlight::nn::attention::{self, In, InBar};
 use lastlight::nn::{block, gelu, layernorm, linear};
+use lastlight::num::array::{Arrays, entries};
 use lastlight::num::par;
 use lastlight::num::rng::Rng;
+use lastlight::ops::{self, Call};
+use reference::settings::Setting;
 
 fn normals(n: usize, purpose: u16) -> Vec<f32> {
     (0..n).map(|i| Rng::new(11).normal_f32(i as u64, 0, purpose, 0)).collect()
@@ -245,4 +248,48 @@ fn a_block_is_the_sum_of_its_operators() {
     let mut y = vec![0.0; 8 * tokens];
     block::values(&x, &mut y);
     assert!(y == expected, "the same bits");
+}
+
+#[test]
+fn a_block_of_the_papers_width_agrees_with_its_twin() {
+    // Width 1024, 16 heads, hidden width 4096, weights as large as at first; 3 tokens instead of 31 232.
+    let (t, d, f) = (3, 1024, 4096);
+    let shapes: [(&str, &[usize], f32); 13] = [
+        ("x", &[t, d], 1.0),
+        ("ln1_gain", &[d], 1.0),
+        ("ln1_bias", &[d], 0.1),
+        ("w_qkv", &[3 * d, d], 0.022),
+        ("b_qkv", &[3 * d], 0.1),
+        ("w_out", &[d, d], 0.02),
+        ("b_out", &[d], 0.1),
+        ("ln2_gain", &[d], 1.0),
+        ("ln2_bias", &[d], 0.1),
+        ("w_fc1", &[f, d], 0.02),
+        ("b_fc1", &[f], 0.1),
+        ("w_fc2", &[d, f], 0.02),
+        ("b_fc2", &[d], 0.1),
+    ];
+    let mut call = Call::default();
+    for (i, (name, shape, scale)) in shapes.into_iter().enumerate() {
+        let values =
+            normals(entries(shape), 60 + i as u16).into_iter().map(|x| scale * x).collect::<Vec<f32>>();
+        call.inputs.put(name, shape, values);
+    }
+    call.settings.insert("heads".to_owned(), Setting::Number(16.0));
+    call.cotangents = Arrays::new().with("y", &[t, d], normals(t * d, 80));
+    let op = ops::LIST.iter().find(|op| op.name == "nn.block").expect("an operator");
+    let (found, twin) = (ops::run(op, &call).expect("valid"), ops::run_f64(op, &call).expect("valid"));
+    let error = |found: &Arrays, twin: &Arrays, name: &str| {
+        let (a, b) =
+            (found.get(name).expect("an array").to_f64(), twin.get(name).expect("an array").to_f64());
+        let square = |x: f64| x * x;
+        let off = a.iter().zip(&b).fold(0.0, |sum, (a, b)| sum + square(a - b));
+        (off / b.iter().fold(0.0, |sum, b| sum + square(*b))).sqrt()
+    };
+    let y = error(&found.outputs, &twin.outputs, "y");
+    assert!(y < 2e-6, "y: {y:.1e}");
+    for (name, ..) in shapes {
+        let e = error(&found.gradients, &twin.gradients, name);
+        assert!(e < 2e-5, "gradient of {name}: {e:.1e}");
+    }
 }

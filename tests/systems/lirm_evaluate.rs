@@ -1,15 +1,21 @@
-//! Scores of a LIRM state: where its surface is compared.
+//! Scores of a LIRM state: where its surface is compared, what controls break, and the baselines.
 
+use super::ball;
+use data_gen::cameras;
 use lastlight::fit::field::benchmark::Shape;
 use lastlight::fit::field::mesh;
-use lastlight::lirm::evaluate::{Control, Order, Protocol, object, settings, state, views as scores};
+use lastlight::lirm::baselines::{Hull, nearest};
+use lastlight::lirm::evaluate::{
+    Control, Order, Protocol, SET, axes, object, settings, state, views as scores,
+};
 use lastlight::lirm::r#gen::Settings;
 use lastlight::lirm::model::config::Config;
 use lastlight::lirm::model::decode::Look;
 use lastlight::lirm::model::params::first;
+use lastlight::lirm::model::transformer::Input;
 use lastlight::lirm::model::weights::Ready;
 use lastlight::lirm::subject::Subject;
-use lastlight::lirm::views::Views;
+use lastlight::lirm::views::{View, Views};
 use lastlight::scene::field::Placement;
 
 const TINY: Config =
@@ -86,4 +92,107 @@ fn surfaces_are_compared_in_the_world() {
     let scored = state(&ready, &p, (&tokens, at), 0, &views).expect("finite")["distance_radii"];
     assert!((scored - there).abs() < 1e-6, "{scored} in the world, {there} by hand");
     assert!((there - unmoved).abs() > 0.05, "{there} and {unmoved} differ");
+}
+
+/// The images of the first two sets as a model reads them, with the axes of the first set.
+fn two_sets(ready: &Ready<'_>, p: &Protocol, views: &Views) -> (Placement, [Vec<Input>; 2]) {
+    let at = axes(ready, p, 0, views).expect("upright");
+    let small = views.small(2).expect("even sides");
+    let order = cameras::test(p.set.seed, 0, p.set.size).inputs;
+    let set = |n: usize| {
+        order[SET * n..SET * (n + 1)].iter().map(|i| Input::of(&small.all[*i], &at, false)).collect()
+    };
+    (at, [set(0), set(1)])
+}
+
+#[test]
+fn controls_break_what_they_name_and_nothing_else() {
+    let params = first(&TINY, 5);
+    let ready = Ready::new(TINY, &params);
+    let p = Protocol { shapes: false, sets: 2, ..protocol() };
+    let views = Views::rendered(&p.set, 0, "uniform").expect("an object");
+    let other = Views::rendered(&p.set, 1, "uniform").expect("another object");
+    let (at, sets) = two_sets(&ready, &p, &views);
+    let (_, others) = two_sets(&ready, &p, &other);
+    let of = |control: Control| {
+        let p = Protocol { control, ..p.clone() };
+        scores(&ready, &p, 0, &views, (control == Control::OtherObject).then_some(&other)).expect("finite")
+    };
+    // The scores of a state that is made by hand.
+    let by_hand = |tokens: &[f32]| state(&ready, &p, (tokens, at), 0, &views).expect("finite")["psnr_db"];
+    let none = ready.no_state();
+    let read = |before: &[f32], set: &[Input]| ready.read(before, set, None).0;
+    let one = read(&none, &sets[0]);
+    let db = |control: Control, round: usize| of(control).rounds[round]["psnr_db"];
+    assert_eq!(db(Control::None, 0), by_hand(&one));
+    assert_eq!(db(Control::None, 1), by_hand(&read(&one, &sets[1])), "the second set after the first");
+    assert_eq!(db(Control::ZeroedState, 0), by_hand(&one));
+    assert_eq!(db(Control::ZeroedState, 1), by_hand(&read(&none, &sets[1])), "the second set alone");
+    assert_eq!(db(Control::OtherObject, 0), by_hand(&one));
+    assert_eq!(
+        db(Control::OtherObject, 1),
+        by_hand(&read(&one, &others[1])),
+        "the cameras of both objects are equal"
+    );
+    let permuted = |set: &[Input]| -> Vec<Input> {
+        let with = |n: usize| Input { rays: set[(n + 1) % set.len()].rays.clone(), ..set[n].clone() };
+        (0..set.len()).map(with).collect()
+    };
+    let one = read(&none, &permuted(&sets[0]));
+    assert_eq!(db(Control::PermutedCameras, 0), by_hand(&one), "every image with the rays of the next");
+    assert_eq!(db(Control::PermutedCameras, 1), by_hand(&read(&one, &permuted(&sets[1]))));
+    let all = [Control::None, Control::ZeroedState, Control::OtherObject, Control::PermutedCameras];
+    let second: Vec<f64> = all.into_iter().map(|c| db(c, 1)).collect();
+    assert!((1..4).all(|i| second[i] != second[0]), "each of them shows: {second:?}");
+}
+
+/// The ball from one of its eight cameras, in one colour.
+fn ball_view(k: usize, color: [f32; 3]) -> View {
+    let mut picture = ball::picture(k, 48);
+    let pixels = picture.color.as_chunks_mut::<3>().0.iter_mut().zip(&picture.foreground);
+    pixels.for_each(|(x, m)| *x = color.map(|c| c * m + (1.0 - m)));
+    View { photo: picture.color.clone(), picture }
+}
+
+#[test]
+fn baselines_know_a_ball_of_one_colour() {
+    let color = [0.75, 0.5, 0.25];
+    let all: Vec<View> = (0..8).map(|k| ball_view(k, color)).collect();
+    let inputs: Vec<&View> = all[..7].iter().collect();
+    let unseen = &all[7].picture;
+    let (image, covered) = Hull::new(&inputs).image(&unseen.camera);
+    let (mut both, mut one) = (0, 0);
+    for (i, m) in covered.iter().enumerate() {
+        let [a, b] = [*m >= 0.5, unseen.foreground[i] >= 0.5];
+        (both, one) = (both + usize::from(a && b), one + usize::from(a || b));
+        assert!(!b || *m > 0.0, "pixel {i}: the hull contains the object");
+        if *m == 1.0 {
+            let pixel = &image[3 * i..3 * i + 3];
+            assert!(pixel.iter().zip(color).all(|(x, c)| (x - c).abs() < 1e-5), "pixel {i}: {pixel:?}");
+        }
+    }
+    assert!(
+        both as f64 > 0.85 * one as f64 && both < one,
+        "seven cones are a little more than a ball: {both} of {one}"
+    );
+    // The shares of white in pixels at the edge are not mixed in, and a colour that only hidden sides have is not either.
+    let opposite: Vec<View> = [0, 2]
+        .into_iter()
+        .map(|k| ball_view(k, if k == 0 { [1.0, 0.0, 0.0] } else { [0.0, 0.0, 1.0] }))
+        .collect();
+    let inputs: Vec<&View> = opposite.iter().collect();
+    let (image, covered) = Hull::new(&inputs).image(&opposite[0].picture.camera);
+    let middle = 24 * 48 + 24;
+    assert!(covered[middle] == 1.0, "the ball is in the middle");
+    let [r, g, b] = [0, 1, 2].map(|c| image[3 * middle + c]);
+    assert!(
+        r > 0.99 && g < 0.01 && b < 0.01,
+        "what the first camera sees is hidden from the other: {r} {g} {b}"
+    );
+    let found = nearest(&[&all[0], &all[3], &all[7]], &all[7].picture.camera);
+    assert_eq!(found.picture.name, all[7].picture.name, "the camera itself");
+    assert_eq!(
+        nearest(&[&all[3], &all[3], &all[0]], &all[3].picture.camera).picture.name,
+        all[3].picture.name
+    );
 }

@@ -1,10 +1,12 @@
 //! An object in memory has the pixels of the same object on disk; turning, lighting and shrinking it.
 
+use super::ball;
 use lastlight::fit::field::place::Pose;
-use lastlight::fit::field::targets::{Pictures, target};
+use lastlight::fit::field::targets::{Picture, Pictures, target};
 use lastlight::lirm::r#gen::{self as set, Lighting, Settings};
 use lastlight::lirm::model::transformer::Input;
-use lastlight::lirm::views::Views;
+use lastlight::lirm::views::{View, Views};
+use lastlight::scene::camera::{Camera, Model};
 use lastlight::scene::field::Placement;
 use lastlight::scene::views::{Masks, Options};
 use std::path::Path;
@@ -148,4 +150,63 @@ fn axes_by_the_first_camera_do_not_depend_on_those_of_the_world() {
     }
     let same = made.posed(Pose::World, &[0]).expect("nothing to find");
     assert_eq!(same, made.placement);
+}
+
+/// A white image of 40x24 pixels with a dark rectangle, seen by a camera.
+fn rectangle(camera: Model, columns: std::ops::Range<usize>, rows: std::ops::Range<usize>) -> View {
+    let (width, height) = (40, 24);
+    let camera = Camera {
+        focal_px: [30.0, 31.0],
+        center_px: [19.0, 12.5],
+        width,
+        height,
+        model: camera,
+        translation: [0.1, -0.2, 2.0],
+        ..ball::camera(0, 8)
+    };
+    let is_inside = |i: usize| columns.contains(&(i % width)) && rows.contains(&(i / width));
+    let foreground: Vec<f32> = (0..width * height).map(|i| f32::from(u8::from(is_inside(i)))).collect();
+    let color: Vec<f32> = foreground.iter().flat_map(|m| [1.0 - 0.75 * m, 1.0 - 0.5 * m, 1.0]).collect();
+    let picture = Picture { camera, color: color.clone(), foreground, ..ball::picture(0, 8) };
+    View { picture, photo: color.iter().map(|x| 0.5 * x).collect() }
+}
+
+#[test]
+fn a_crop_is_the_square_around_the_object_with_the_rays_of_its_pixels() {
+    for model in [Model::Pinhole, Model::Fisheye] {
+        // 12 columns and 6 rows, a window of 12x12 whose corner is (10, 5).
+        let view = rectangle(model, 10..22, 8..14);
+        let whole = Views { all: vec![view.clone()], placement: Placement::default() };
+        for side in [8, 12, 24] {
+            let cropped = &whole.cropped(side).all[0];
+            let camera = &cropped.picture.camera;
+            assert_eq!((camera.width, camera.height), (side, side));
+            let factor = 12.0 / side as f32;
+            for at in [[0.0, 0.0], [3.5, 7.25], [side as f32, 1.0]] {
+                let before = [10.0 + factor * at[0], 5.0 + factor * at[1]];
+                let [(o, d), (p, e)] =
+                    [camera.ray(at), view.picture.camera.ray(before)].map(|ray| ray.expect("a ray"));
+                let near = o.iter().zip(p).chain(d.iter().zip(e)).all(|(x, y)| (x - y).abs() < 1e-5);
+                assert!(near, "{model:?} {side} {at:?}: {o:?} {d:?} {p:?} {e:?}");
+            }
+            let total = |x: &[f32]| x.iter().fold(0.0, |sum, x| sum + f64::from(*x));
+            let area = f64::from(factor * factor) * total(&cropped.picture.foreground);
+            assert!((area - 72.0).abs() < 1e-3, "{side}: the foreground has 12x6 pixels, {area}");
+        }
+        let same = &whole.cropped(12).all[0];
+        let row = |x: &[f32]| x[3 * (6 * 12 + 4)..][..3].to_vec();
+        assert_eq!(row(&same.picture.color), [0.25, 0.5, 1.0], "a pixel of the object");
+        assert_eq!(row(&same.photo), [0.125, 0.25, 0.5], "and of the photo");
+    }
+    // Higher than the image is wide apart: 30 columns are more than the 24 rows, so white is above and below.
+    let view = rectangle(Model::Pinhole, 5..35, 2..20);
+    let cropped = Views { all: vec![view], placement: Placement::default() }.cropped(30);
+    let picture = &cropped.all[0].picture;
+    let center = [19.0 - 5.0, 12.5 + 4.0];
+    assert_eq!(picture.camera.center_px, center, "rows −4 to 25");
+    assert!(picture.color[..3 * 30 * 4].iter().all(|x| *x == 1.0), "rows outside of the image are white");
+    // An object at the edge: the window is moved into the image.
+    let view = rectangle(Model::Pinhole, 36..40, 0..10);
+    let cropped = Views { all: vec![view], placement: Placement::default() }.cropped(10);
+    assert_eq!(cropped.all[0].picture.camera.center_px, [19.0 - 30.0, 12.5]);
 }

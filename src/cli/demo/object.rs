@@ -78,7 +78,7 @@ pub(super) fn run(args: &Args, dir: &Path, meter: &mut Meter) -> Result<Outcome>
         let dir = folder(dir.join(name))?;
         job.run(start, place, &dir, meter)
     };
-    let first = read("lirm reconstruct", &sets[0], Start::Nothing(None), "first", meter)?;
+    let first = read("lirm reconstruct", &sets[0], Start::Nothing(None, None), "first", meter)?;
     let before = Start::State(Box::new(first.state.clone()));
     let second = read("lirm update", &sets[1], before, "second", meter)?;
 

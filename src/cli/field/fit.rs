@@ -15,12 +15,10 @@ use crate::light::MapArgs;
 use crate::like::COMMAND;
 use crate::loss::lpips::Metric;
 use crate::meter::Meter;
-use crate::num::order;
 use crate::report::run::Run;
 use crate::scene::field::{Combine, FILE, Rule};
 use crate::scene::views::SceneBox;
 use crate::shared::{Outcome, OutputArgs};
-use crate::splat::fit::parse_box;
 use crate::splat::missing;
 use crate::training::{self, CHECKPOINT, Frame, Head, RESULT};
 use crate::units::counted;
@@ -179,17 +177,14 @@ impl Args {
     }
 
     fn cube(&self, pictures: &Pictures) -> Result<SceneBox> {
-        let Some(text) = &self.bounds else {
-            if pictures.is_unit_ball {
-                return Ok(unit_ball());
-            }
-            let train: Vec<&Picture> = pictures.views.train.iter().map(|i| &pictures.pictures[*i]).collect();
-            return around(&train, pictures.views.scene_box.center);
-        };
-        let [low, high] = parse_box(text)?.map(|corner| corner.map(f64::from));
-        let widest = (0..3).fold(0.0, |most, k| order::max(most, high[k] - low[k]));
-        let center = std::array::from_fn(|k| 0.5 * (low[k] + high[k]));
-        Ok(SceneBox { center, half_size: 0.5 * widest })
+        if let Some(text) = &self.bounds {
+            return read::cube(text);
+        }
+        let train: Vec<&Picture> = pictures.views.train.iter().map(|i| &pictures.pictures[*i]).collect();
+        match pictures.is_unit_ball {
+            true => Ok(unit_ball()),
+            false => around(&train, pictures.views.scene_box.center),
+        }
     }
 
     /// The known light in the units of the images.

@@ -1,7 +1,9 @@
 //! The field of a fit, and how its images are read.
 
+use crate::num::order;
 use crate::scene::field::{FILE, Field};
-use crate::scene::views::{Masks, Options};
+use crate::scene::views::{Masks, Options, SceneBox};
+use crate::splat::fit::parse_box;
 use crate::{Error, Result};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -28,6 +30,14 @@ pub(crate) fn exposure_of(path: &Path) -> Option<f64> {
     let record = field_file(path).with_file_name(crate::training::RESULT);
     let record: Value = serde_json::from_slice(&std::fs::read(record).ok()?).ok()?;
     record["exposure"].as_f64()
+}
+
+/// The cube around a box that is given as a text.
+pub(crate) fn cube(text: &str) -> Result<SceneBox> {
+    let [low, high] = parse_box(text)?.map(|corner| corner.map(f64::from));
+    let widest = (0..3).fold(0.0, |most, k| order::max(most, high[k] - low[k]));
+    let center = std::array::from_fn(|k| 0.5 * (low[k] + high[k]));
+    Ok(SceneBox { center, half_size: 0.5 * widest })
 }
 
 /// How the images of a capture are read.

@@ -23,12 +23,13 @@ const ORDERS: &Choices =
     &[("random", "in a random order"), ("sequential", "around the object: every set shows one side")];
 
 /// Numbers that are printed: name, title, digits.
-const COLUMNS: [(&str, &str, usize); 19] = [
+const COLUMNS: [(&str, &str, usize); 20] = [
     ("psnr_db", "PSNR", 2),
     ("hull_db", "hull", 2),
     ("small_hull_db", "at 64²", 2),
     ("nearest_db", "nearest", 2),
     ("ssim", "SSIM", 3),
+    ("rfd", "RFD", 1),
     ("foreground_iou", "IoU", 3),
     ("hull_iou", "of hull", 3),
     ("color", "colour", 3),
@@ -61,7 +62,7 @@ const CONTROLS: &Choices = &[
   lastlight lirm eval s1c --seed 1 --objects 8              for choices
   lastlight lirm eval s3 --light environment --input-order sequential
 
-Every object has 48 views (lirm gen --cameras test): 16 inputs in four sets, read at 64x64, and 12 outputs, compared at 128x128. Beside the model stand two baselines that are given the same foreground, with images of 128x128: the nearest input image, and the visual hull of the inputs with their mean colours, which is also made of the 64x64 that the model reads; beside materials, the means of training objects. PSNR in dB over white; IoU of foregrounds; angles in degrees; distances of surfaces in radii of the object; means over outputs, then objects.")]
+Every object has 48 views (lirm gen --cameras test): 16 inputs in four sets, read at 64x64, and 12 outputs, compared at 128x128. Beside the model stand two baselines that are given the same foreground, with images of 128x128: the nearest input image, and the visual hull of the inputs with their mean colours, which is also made of the 64x64 that the model reads; beside materials, the means of training objects. PSNR in dB over white; RFD, a distance of responses to random filters (not LPIPS); IoU of foregrounds; angles in degrees; distances of surfaces in radii of the object; means over outputs, then objects.")]
 pub(crate) struct Args {
     /// Model, or the folder of a training [default: the included model]
     #[arg(value_name = "FILE")]

@@ -4,18 +4,12 @@ use crate::choices::{Choices, choices};
 use crate::fit::field::place::Pose;
 use crate::io::safetensors::Precision;
 use crate::meter::Meter;
-use crate::{Result, claim, console as cli};
+use crate::{Result, claim, console as cli, io};
 use lastlight_lirm::model::config::{Config, FirstValues};
 use lastlight_lirm::model::file::{Model, digest};
 use lastlight_lirm::model::params::{count, first};
 use serde_json::json;
-use std::path::PathBuf;
-
-/// Values of `--config`.
-pub(super) const CONFIGS: &Choices = &[
-    ("small", "6 blocks of width 256: 5.8 million parameters"),
-    ("paper", "24 blocks of width 1024: 326 million parameters"),
-];
+use std::path::{Path, PathBuf};
 
 /// Values of `--field-axes`.
 pub(super) const POSES: &Choices = &[
@@ -46,12 +40,18 @@ pub(super) struct FirstArgs {
 }
 
 impl FirstArgs {
-    /// A configuration with these choices.
+    /// A configuration with these choices, by its name or from a file.
     ///
     /// # Errors
-    /// If there is none of that name.
+    /// If there is neither, or a setting of the file is unknown or out of its range.
     pub(super) fn config(&self, name: &str) -> Result<Config> {
-        let named = Config::named(name)?;
+        let named = match name.ends_with(".json") {
+            false => Config::named(name)?,
+            true => {
+                let bytes = io::read_bytes(Path::new(name), io::MAX_SMALL_FILE_BYTES)?;
+                Config::of_file(&io::json::parse(&bytes, name)?).map_err(|e| e.within(name.to_owned()))?
+            }
+        };
         let pose = self.field_axes.as_deref().and_then(Pose::named).unwrap_or(named.pose);
         let first_values =
             self.first_values.as_deref().and_then(FirstValues::named).unwrap_or(named.first_values);
@@ -66,17 +66,20 @@ impl FirstArgs {
 
 /// Write a LIRM model with first values.
 #[derive(clap::Args)]
-#[command(after_help = "Examples:
+#[command(after_help = r#"Examples:
   lastlight lirm init --out first.safetensors
   lastlight lirm init --config paper --whole --out paper.safetensors      652 MB
+  echo '{"planes": 3, "plane_tokens": 11}' > tri.json
+  lastlight lirm init --config tri.json --out tri.safetensors             three planes instead of six
 
-The values are those with which lirm train begins. A field of such a model is about a ball of a tenth of the box; the file is for tests of other implementations: names, shapes and layout of all arrays are those of a trained model.")]
+The values are those with which lirm train begins. A field of such a model is about a ball of a tenth of the box; the file is for tests of other implementations: names, shapes and layout of all arrays are those of a trained model."#)]
 pub(crate) struct Args {
     /// File for the model, .safetensors in half precision
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// Sizes of the model
-    #[arg(long, value_name = "NAME", default_value = "small", value_parser = choices(CONFIGS))]
+    /// Configuration: small (6 blocks of width 256, 5.8 million parameters), paper (24 of width 1024, 326 million), or a .json file with some of the
+    /// settings that --json prints; the others are those of small
+    #[arg(long, value_name = "FILE|NAME", default_value = "small")]
     config: String,
     #[command(flatten)]
     choices: FirstArgs,
@@ -93,7 +96,8 @@ pub(crate) struct Args {
 
 pub(super) fn run(args: &Args) -> Result<()> {
     let meter = Meter::new();
-    let config = Config { is_whole: args.whole, ..args.choices.config(&args.config)? };
+    let named = args.choices.config(&args.config)?;
+    let config = Config { is_whole: args.whole || named.is_whole, ..named };
     claim::file(&args.out, args.force)?;
     let model = Model { config, params: first(&config, args.seed), training: Vec::new() }.halved();
     model.write(&args.out, Precision::Half)?;

@@ -15,10 +15,12 @@ use crate::fit::training::Watch;
 use crate::io::{atomic, memory};
 use crate::meter::Meter;
 use crate::num::gemm::{Finish, View, gemm};
+use crate::num::order;
 use crate::report::run::Run;
 use crate::report::{self};
 use crate::scene::camera::Camera;
 use crate::scene::field::{FILE as FIELD, Field, Placement};
+use crate::scene::views::SceneBox;
 use crate::shared::{Outcome, name};
 use crate::training::RESULT;
 use crate::units::counted;
@@ -41,6 +43,8 @@ const TRAINED: usize = 64;
 const SAMPLE: usize = 512;
 /// Floating-point operations from which the time is estimated before they start.
 const LONG: f64 = 1e12;
+/// Change of a state below which, twice in a row, a note states that further sets change little.
+const SETTLED: f64 = 1e-2;
 /// Cosine of the largest angle between up in the images and z for which a capture is z up.
 const LEVEL: f64 = 0.94;
 
@@ -57,8 +61,8 @@ pub(crate) enum Size {
 
 /// What the first set is read after.
 pub(crate) enum Start {
-    /// With these axes, or those of the model.
-    Nothing(Option<Pose>),
+    /// With these axes, or those of the model, in this cube, or one around what the images show.
+    Nothing(Option<Pose>, Option<SceneBox>),
     /// A state and its box.
     State(Box<State>),
 }
@@ -147,18 +151,19 @@ impl Job<'_> {
     /// # Errors
     /// When the state comes from another model, or the images do not show which direction is up.
     pub(crate) fn place(&self, start: &Start, meter: &Meter) -> Result<Placement> {
-        let pose = match start {
+        let (pose, given) = match start {
             Start::State(state) => {
                 belongs(state, self.model)?;
                 return Ok(state.placement);
             }
-            Start::Nothing(pose) => pose,
+            Start::Nothing(pose, given) => (pose, given),
         };
         let of = self.pictures;
         let read: Vec<&Picture> = self.sets.iter().flatten().map(|i| &of.pictures[*i]).collect();
-        let scene = match of.is_unit_ball {
-            true => unit_ball(),
-            false => around(&read, of.views.scene_box.center)?,
+        let scene = match given {
+            Some(given) => *given,
+            None if of.is_unit_ball => unit_ball(),
+            None => around(&read, of.views.scene_box.center)?,
         };
         let cameras: Vec<&Camera> = read.iter().map(|p| &p.camera).collect();
         let pose = pose.unwrap_or_else(|| own_pose(self.model.config.pose, &cameras, meter));
@@ -184,7 +189,7 @@ impl Job<'_> {
     pub(crate) fn run(&self, start: Start, place: Placement, dir: &Path, meter: &mut Meter) -> Result<Made> {
         let (model, pictures) = (self.model, self.pictures);
         let before = match start {
-            Start::Nothing(_) => None,
+            Start::Nothing(..) => None,
             Start::State(state) => Some(*state),
         };
         meter.lap("reading");
@@ -197,7 +202,7 @@ impl Job<'_> {
         announce(&model.config, &sets, meter)?;
         let ready = Ready::new(model.config, &model.params);
         let start = before.as_ref().map_or_else(|| ready.no_state(), |s| s.tokens.clone());
-        let tokens = ready.read_all(&start, &sets);
+        let (tokens, changes) = ready.read_all(&start, &sets);
         meter.lap("transformer");
         let field = ready.decode(&tokens, self.look, place);
         meter.lap("decoding");
@@ -224,14 +229,20 @@ impl Job<'_> {
         let cells = view::occupancy(&field)?;
         let scored = held_out.into_iter().map(|t| score(&field, &cells, t)).collect::<Result<Vec<_>>>()?;
         meter.lap("evaluation");
-        let outcome = self.outcome(&state, &field, &scored, dir, meter)?;
+        if let [.., a, b] = changes[..]
+            && order::max(a, b) < SETTLED
+        {
+            meter
+                .note("the last two sets changed the state by less than 1 %: more images will change little");
+        }
+        let outcome = self.outcome((&state, &changes), &field, &scored, dir, meter)?;
         Ok(Made { state, field, scored, outcome })
     }
 
     /// Writes the renders and the record; gives the record, the report and the lines for a terminal.
     fn outcome(
         &self,
-        state: &State,
+        (state, changes): (&State, &[f64]),
         field: &Field,
         scored: &[Scores],
         dir: &Path,
@@ -243,7 +254,7 @@ impl Job<'_> {
         let views: Vec<Value> = scored.iter().map(|s| s.json()).collect();
         let digest = field.digest()?;
         let record = json!({
-            "kind": self.kind, "lastlight": env!("CARGO_PKG_VERSION"), "digest": digest, "sets": state.sets, "exposure": state.exposure,
+            "kind": self.kind, "lastlight": env!("CARGO_PKG_VERSION"), "digest": digest, "sets": state.sets, "changes": changes, "exposure": state.exposure,
             "arguments": cli::arguments(), "build": version::record(), "settings": self.settings, "seconds": meter.seconds(),
             "evaluation": {"mean": means, "views": views},
         });
@@ -261,6 +272,10 @@ impl Job<'_> {
         let lines = vec![
             page::summary(&means),
             format!("images      {images} in {}", counted(self.sets.len(), "set")),
+            format!(
+                "change      {} of the state, set by set",
+                changes.iter().map(|c| format!("{c:.3}")).collect::<Vec<_>>().join(", ")
+            ),
             format!("digest      {digest}"),
             format!("time        {}", report::seconds(meter.seconds())),
             format!("field       {}", dir.join(FIELD).display()),

@@ -68,6 +68,10 @@ pub(crate) struct Args {
     /// Axes of the field, which decide what the model is used to [default: those that the model was trained with]
     #[arg(long, value_name = "NAME", value_parser = choices(POSES))]
     field_axes: Option<String>,
+    /// Box that holds the object; the field is the cube around it [default: from the foreground, around the point nearest to the optical axes; for
+    /// a single camera that point is one unit ahead]
+    #[arg(long = "box", value_name = "X0,Y0,Z0,X1,Y1,Z1", allow_hyphen_values = true)]
+    bounds: Option<String>,
     #[command(flatten)]
     common: Common,
 }
@@ -124,7 +128,8 @@ impl Common {
 
 pub(super) fn run(args: &Args) -> Result<()> {
     let pose = args.field_axes.as_deref().and_then(Pose::named);
-    made(&args.common, &args.capture, Start::Nothing(pose), "lirm reconstruct")
+    let cube = args.bounds.as_deref().map(read::cube).transpose()?;
+    made(&args.common, &args.capture, Start::Nothing(pose, cube), "lirm reconstruct")
 }
 
 pub(super) fn update(args: &UpdateArgs) -> Result<()> {
@@ -144,7 +149,7 @@ fn made(args: &Common, capture: &Path, start: Start, kind: &'static str) -> Resu
     let options = read::options(args.downscale.unwrap_or(1), args.allow_outside);
     let exposure = match &start {
         Start::State(state) => Some(state.exposure),
-        Start::Nothing(_) => None,
+        Start::Nothing(..) => None,
     };
     let pictures = Pictures::load(capture, &options, exposure)?;
     let which = args.chosen(&pictures)?;

@@ -10,7 +10,7 @@ use crate::meter::Meter;
 use crate::shared::ForceArgs;
 use lastlight_lirm::model::file::digest;
 use lastlight_study::lirm::setup::{Named, Setup, Size};
-use lastlight_study::lirm::{limits, occupancy, scenes, scoring, variants};
+use lastlight_study::lirm::{limits, occupancy, relit, scenes, scoring, variants};
 use serde_json::{Map, json};
 use std::path::{Path, PathBuf};
 
@@ -23,6 +23,7 @@ const EXPERIMENTS: &Choices = &[
     ("rounds", "random and sequential order of the inputs, beside nearest input and visual hull"),
     ("controls", "state zeroed, cameras permuted, another object"),
     ("materials", "albedo, roughness and metallic beside the means of training objects"),
+    ("relit", "meshes of reconstructions under another light, beside the truth"),
     ("added", "an object that is added between two sets"),
     ("head", "a head-mounted camera through a fisheye and a pinhole"),
     ("limits", "mirrors and fine lettering"),
@@ -99,6 +100,7 @@ fn all<'a>(setup: &'a Setup, dir: &Path) -> Vec<Box<dyn Experiment + 'a>> {
         Box::new(scoring::rounds(setup)),
         Box::new(scoring::controls(setup)),
         Box::new(scoring::materials(setup)),
+        Box::new(relit::relit(setup)),
         Box::new(scenes::added(setup)),
         Box::new(scenes::head(setup)),
         Box::new(limits::limits(setup)),

@@ -1,15 +1,16 @@
 //! `lirm train`: one stage of the training of a LIRM model.
 
-use super::init::{CONFIGS, FirstArgs};
+use super::init::FirstArgs;
 use crate::choices::{Choices, choices};
 use crate::console as cli;
 use crate::fit::training::{Fit, Watch};
+use crate::io::memory;
 use crate::meter::Meter;
 use crate::report::run::{self, Run};
 use crate::report::{self, Page};
 use crate::shared::{Outcome, OutputArgs};
 use crate::training::{self, CHECKPOINT, Frame, Head, RESULT};
-use crate::{Error, Result, claim};
+use crate::{Error, Result, claim, units};
 use lastlight_lirm::model::file::{FILE, Model, digest};
 use lastlight_lirm::model::params::count;
 use lastlight_lirm::train::optimizer::Kind;
@@ -59,8 +60,9 @@ pub(crate) struct Args {
     /// Model of the stage before, or of an earlier part of this one, or the folder of its training [default: first values]
     #[arg(long, value_name = "FILE")]
     from: Option<PathBuf>,
-    /// Sizes of the model, where there is no --from [default: small]
-    #[arg(long, value_name = "NAME", value_parser = choices(CONFIGS), conflicts_with = "from")]
+    /// Configuration of the model, where there is no --from: small, paper, or a .json file with some settings, as for lirm init [default:
+    /// small]
+    #[arg(long, value_name = "FILE|NAME", conflicts_with = "from")]
     config: Option<String>,
     #[command(flatten)]
     choices: FirstArgs,
@@ -74,8 +76,8 @@ pub(crate) struct Args {
     /// its successor weighs both by 10
     #[arg(long, value_name = "X", default_value_t = 0.0)]
     points: f32,
-    /// Weight of the squared error of the signed distance at points around the object, from its mesh; with it, stage 1a begins with 1/β at 30,
-    /// and all of stage 1 has 60 from the end of that warm-up on
+    /// Weight of the squared error of the signed distance at points around the object, from its mesh; with it, 1/β begins at 30 and is 120 at the end
+    /// of stage 1a and later
     #[arg(long, value_name = "X", default_value_t = 0.0)]
     distances: f32,
     /// What updates the matrices of the blocks; all other arrays have adamw
@@ -84,7 +86,7 @@ pub(crate) struct Args {
     /// Objects per step
     #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u8).range(1..=64))]
     batch: u8,
-    /// Objects that are in memory, 22 MB each; the next ones follow after twelve steps of each
+    /// Objects that are in memory, 23 MB each; the next ones follow after twelve steps of each
     #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u16).range(1..=4096))]
     objects_at_once: u16,
     /// Objects whose gradients are in memory at once; changes no bit [default: all of a step]
@@ -163,6 +165,10 @@ pub(super) fn run(args: &Args) -> Result<()> {
         Some(stored) => stored,
         None => &rendered,
     };
+    let bytes = settings.memory(&config);
+    memory::check("lirm train", bytes).map_err(|e| {
+        e.hint("--objects-at-once, --gradients-at-once and --recompute lower the estimate, --max-memory raises the limit")
+    })?;
     let mut training = Training::new(settings.clone(), config, before.as_ref().map(|m| &m.params), source)?;
     if let Some(part) = before.as_ref().and_then(|m| m.training.last()) {
         match (part.stage == settings.stage.name, part.is_last()) {
@@ -179,12 +185,13 @@ pub(super) fn run(args: &Args) -> Result<()> {
         training.stop_after(last as usize)?;
     }
     meter.note(&format!(
-        "{} parameters in {} arrays, {} tokens of a state; {} steps of {} objects",
+        "{} parameters in {} arrays, {} tokens of a state; {} steps of {} objects; about {}",
         count(training.config()),
         training.params().len(),
         training.config().state_tokens(),
         training.iterations(),
-        settings.batch
+        settings.batch,
+        units::bytes(bytes)
     ));
     training.show(&Rendered::new(args.filling.seed.wrapping_add(1)))?;
     let frame = Frame::claim(&args.out, &args.filling, args.checkpoint_every)?;

@@ -5,6 +5,7 @@
 //! scoring    stages, rounds, controls, materials: a model on unseen objects, set by set
 //! scenes     an object that is added between two sets; egocentric images through a fisheye and a pinhole
 //! limits     mirrors and fine lettering
+//! relit      the mesh of a reconstruction under another light
 //! occupancy  samples that a grid saves
 //! variants   small models of several kinds, trained from first values with equal steps
 //! ```
@@ -14,6 +15,7 @@
 
 pub mod limits;
 pub mod occupancy;
+pub mod relit;
 pub mod scenes;
 pub mod scoring;
 pub mod setup;

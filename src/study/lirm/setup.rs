@@ -36,12 +36,12 @@ pub struct Size {
 impl Size {
     /// Sizes of the complete study.
     pub fn full() -> Self {
-        Self { objects: 24, samples: 64, outputs: 12, steps: 128, training: [1250, 8, 100] }
+        Self { objects: 24, samples: 64, outputs: 12, steps: 128, training: [2500, 4, 100] }
     }
 
     /// Sizes for a quick overview.
     pub fn quick() -> Self {
-        Self { objects: 3, samples: 8, outputs: 6, steps: 96, training: [50, 8, 24] }
+        Self { objects: 3, samples: 8, outputs: 6, steps: 96, training: [100, 4, 24] }
     }
 
     /// Sizes for a smoke test.

@@ -8,7 +8,7 @@
 //! | no update | one set of 4 to 12 images per object instead of 1 or 2 of 3 to 6 |
 //! | hexa NDE, second seed | other first values and draws |
 //!
-//! All are trained on all heads under the light of stage 2 and scored on the smoother version of unseen objects after 4, 8 and 12 images: in
+//! All are trained on all heads, under the light and with the colours of stage 2, by the recipe of the included weights (signed distances with 1/β from 30 to 120, Muon, batches of four), and scored on the smoother version of unseen objects after 4, 8 and 12 images: in
 //! sets of four, without update in one set. A cell is one training; its values name the objects, so that differences are paired by object.
 
 use super::setup::{SEED, Setup, shown};
@@ -29,6 +29,8 @@ use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
+/// Weight of signed distances.
+const DISTANCES: f32 = 60.0;
 /// Steps between checkpoints.
 const EVERY: usize = 50;
 /// Folder of checkpoints.
@@ -74,21 +76,21 @@ pub fn variants<'a>(setup: &'a Setup, dir: &Path) -> Variants<'a> {
 impl Variants<'_> {
     fn training(&self, kind: &Kind) -> Result<Settings> {
         let [steps, batch, block] = self.setup.size.training;
-        let light = Stage::named("2a")?.light;
+        let later = Stage::named("2a")?;
         let stage = Stage {
             name: "variant".into(),
             steps,
             rates: [5e-4, 2e-5],
-            light,
+            light: later.light,
+            tint: later.tint,
             sets: if kind.updates { 2 } else { 1 },
             images: if kind.updates { [3, 6] } else { [4, 12] },
-            inverse_beta: [10.0, 60.0],
             is_whole: true,
             ..Stage::named("1a")?
         };
         Ok(Settings {
-            stage,
-            optimizer: optimizer::Kind::AdamW,
+            stage: stage.with_distances(DISTANCES),
+            optimizer: optimizer::Kind::Muon,
             seed: kind.seed,
             batch,
             block,
@@ -115,7 +117,9 @@ impl Experiment for Variants<'_> {
     fn settings(&self, cell: usize) -> Value {
         let kind = &KINDS[cell];
         let mut record = kind.config.json();
-        record["stage"] = self.training(kind).map_or(Value::Null, |s| s.stage.json());
+        let training = self.training(kind);
+        record["stage"] = training.as_ref().map_or(Value::Null, |s| s.stage.json());
+        record["optimizer"] = training.map_or(Value::Null, |s| json!([s.optimizer.name(), s.batch, s.block]));
         record["size"] = json!([
             self.setup.size.objects,
             self.setup.size.samples,
@@ -147,7 +151,8 @@ impl Experiment for Variants<'_> {
         session.run(&mut training, history, stop, watch)?;
         let ready = Ready::new(*training.config(), training.params());
         let mut p = self.setup.protocol(self.setup.model(), VERSION);
-        p.look = Look::of_field(self.setup.size.steps, 60.0);
+        let [_, sharpest] = self.training(&kind)?.stage.inverse_beta;
+        p.look = Look::of_field(self.setup.size.steps, sharpest);
         let mut values = Values::new();
         for k in 0..self.setup.size.objects {
             let views = self.setup.object(k, VERSION)?;

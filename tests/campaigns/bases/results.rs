@@ -1,6 +1,7 @@
 //! What the program writes and reads again: models, avatars, checkpoints and records.
 
 use super::{Base, Workshop, below, files, scenes};
+use crate::long::TINY;
 use crate::samples;
 use crate::tree::Tree;
 
@@ -20,6 +21,27 @@ fn resumed(
         all.extend(below(input, &shop.tree(input)));
     }
     Base { same_digest: true, ..Base::new(format, all, damaged, &[resume]) }
+}
+
+/// A small LIRM model, its training, and a state of it; beside images of an object in `object/`.
+fn lirm(shop: &Workshop) -> Vec<Base> {
+    const CAPTURE: &str = "object/object_00000/uniform";
+    let train = "lirm train --stage 1a --config sizes/tiny.json --steps 2 --batch 1 --objects-at-once 1 --checkpoint-every 1 --out run --threads 1 --json --quiet";
+    let resume = "lirm train --stage 1a --config sizes/tiny.json --steps 2 --batch 1 --objects-at-once 1 --checkpoint-every 1 --out run --threads 1 --json --quiet --resume";
+    let read = "lirm reconstruct object/object_00000/uniform --model {file} --samples 16 --out out --threads 1 --quiet";
+    let update = "lirm update {file} object/object_00000/uniform --model model.safetensors --samples 16 --out out --threads 1 --quiet";
+    crate::tree::write(&shop.dir.join("sizes"), &files(&[("tiny.json", TINY.as_bytes())])).expect("written");
+    let of_training =
+        resumed(shop, "checkpoint of lirm train", train, resume, &["sizes"], &["run/checkpoint.safetensors"]);
+    let model = files(&[("model.safetensors", &shop.bytes("run/model.safetensors"))]);
+    let photos = below(CAPTURE, &shop.tree(CAPTURE));
+    let with_photos: Tree = photos.into_iter().chain(model).collect();
+    let of_model = Base::new("LIRM model", with_photos.clone(), &["model.safetensors"], &[read]);
+    shop.run("lirm reconstruct object/object_00000/uniform --model run/model.safetensors --samples 16 --out state --threads 1 --quiet");
+    let state = files(&[("state.safetensors", &shop.bytes("state/state.safetensors"))]);
+    let with_state = with_photos.into_iter().chain(state).collect();
+    let of_state = Base::new("LIRM state", with_state, &["state.safetensors"], &[update]);
+    vec![of_training.share(1), of_model.share(5), of_state.share(5)]
 }
 
 pub(super) fn bases(shop: &Workshop) -> Vec<Base> {
@@ -52,6 +74,7 @@ pub(super) fn bases(shop: &Workshop) -> Vec<Base> {
     let field = files(&[("field.safetensors", &shop.bytes("run/field.safetensors"))]);
     let bake = "field mesh {file} --side 33 --texture 64 --out out.glb --threads 1 --quiet";
     all.push(Base::new("field", field, &["field.safetensors"], &[bake]));
+    all.extend(lirm(shop));
     all.push(resumed(shop, "checkpoint of last pretrain", train, train_resume, &["data"], &[state]).share(2));
     let model = shop.bytes("run/model.safetensors");
     let video = below("data/video", &shop.tree("data/video"));

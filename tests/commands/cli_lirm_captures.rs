@@ -1,0 +1,222 @@
+//! `lirm` on captures of any kind, with a model of a configuration file: other scales, sizes and lenses, and what is refused.
+
+use crate::program::{json, lastlight, refused};
+use lastlight::lirm::model::state::State;
+use serde_json::{Value, json};
+use std::path::Path;
+
+fn line(text: &str) -> Vec<&str> {
+    text.split_whitespace().collect()
+}
+
+fn runs(text: &str, dir: &Path) {
+    let o = lastlight(&line(text), dir);
+    assert!(o.status.success(), "{text}: {}", String::from_utf8_lossy(&o.stderr));
+}
+
+/// A file with the configuration of a small model, and the model.
+fn tiny(dir: &Path) {
+    let sizes =
+        json!({ "blocks": 1, "width": 16, "heads": 2, "plane_tokens": 2, "embed_tokens": 2, "channels": 4 });
+    std::fs::write(dir.join("tiny.json"), sizes.to_string()).expect("written");
+    runs("lirm init --whole --config tiny.json --out tiny.safetensors -q", dir);
+}
+
+fn frames(capture: &Path) -> Value {
+    // One file, or one for each part where some images are held out.
+    let read = |name: &str| std::fs::read_to_string(capture.join(name));
+    let text = read("transforms.json").or_else(|_| read("transforms_train.json")).expect("a capture");
+    serde_json::from_str(&text).expect("JSON")
+}
+
+/// Where the world of a capture lies in that of `lirm gen`: X = 3 x + MOVED.
+const MOVED: [f64; 3] = [5.0, -2.0, 1.0];
+
+/// The images of a set as a capture of another program: no mark of `lirm gen`, in another scale, at another place.
+fn moved(from: &Path, to: &Path, keep: usize) {
+    let mut all = frames(from);
+    let own = all.as_object_mut().expect("an object");
+    own.remove("lirm_gen");
+    let list = own["frames"].as_array_mut().expect("frames");
+    list.truncate(keep);
+    for frame in list {
+        for (row, by) in MOVED.iter().enumerate() {
+            let x = frame["transform_matrix"][row][3].as_f64().expect("a number");
+            frame["transform_matrix"][row][3] = json!(3.0 * x + by);
+        }
+        let entries = frame.as_object_mut().expect("an object");
+        entries.retain(|key, _| {
+            ["file_path", "w", "h", "fl_x", "fl_y", "cx", "cy", "transform_matrix", "foreground_path"]
+                .contains(&key.as_str())
+        });
+    }
+    for folder in ["images", "foreground"] {
+        std::fs::create_dir_all(to.join(folder)).expect("a folder");
+        for file in std::fs::read_dir(from.join(folder)).expect("a folder") {
+            let file = file.expect("a file");
+            std::fs::copy(file.path(), to.join(folder).join(file.file_name())).expect("copied");
+        }
+    }
+    std::fs::write(to.join("transforms.json"), all.to_string()).expect("written");
+}
+
+#[test]
+fn a_capture_of_any_scale_is_placed_by_its_foreground_or_by_a_box() {
+    let work = tempfile::tempdir().expect("a folder");
+    let dir = work.path();
+    tiny(dir);
+    runs("lirm gen --views 6 --framing whole --size 64 --samples 1 --texture 32 --out set -q", dir);
+    moved(&dir.join("set/object_00000/uniform"), &dir.join("photos"), 4);
+    let read = |capture: &str, more: &str, out: &str| {
+        runs(&format!("lirm reconstruct {capture} --model tiny.safetensors {more} --out {out} -q"), dir);
+        State::read(&dir.join(out)).expect("a state")
+    };
+    // One of eight images of other captures is held out unless they are named.
+    let four = "--inputs 0000,0001,0002,0003";
+    let found = read("photos", four, "found");
+    assert_eq!(found.sets, [4]);
+    for (x, wanted) in found.placement.center.iter().zip(MOVED) {
+        assert!((x - wanted).abs() < 0.3, "around the object: {:?}", found.placement.center);
+    }
+    // The object has at most the radius 1.5 here, which becomes ½.
+    let scale = found.placement.scale;
+    assert!((0.3..0.7).contains(&scale), "{scale}");
+    let given = read("photos", &format!("{four} --box 3.425,-3.575,-0.575,6.575,-0.425,2.575"), "given");
+    assert!(
+        (given.placement.scale - 1.0 / 3.0).abs() < 1e-6,
+        "the box of the ball: {}",
+        given.placement.scale
+    );
+    let same = read("set/object_00000/uniform", four, "same");
+    let far = given.tokens.iter().zip(&same.tokens).map(|(a, b)| (a - b).abs()).filter(|d| *d > 1e-3).count();
+    assert_eq!(far, 0, "the same object in the same box");
+    refused(
+        &line("lirm reconstruct photos --model tiny.safetensors --box 1,2,3 --out d"),
+        dir,
+        2,
+        &["--box"],
+    );
+    // A single camera does not show how far the object is.
+    moved(&dir.join("set/object_00000/uniform"), &dir.join("single"), 1);
+    let single = read("single", "--inputs 0000", "one");
+    let eye = frames(&dir.join("set/object_00000/uniform"))["frames"][0]["transform_matrix"].clone();
+    let square = (0..3).fold(0.0, |sum, k| {
+        let d = single.placement.center[k] - (3.0 * eye[k][3].as_f64().expect("a number") + MOVED[k]);
+        sum + d * d
+    });
+    assert!((square - 1.0).abs() < 1e-4, "one unit ahead: {square}");
+    assert_eq!(read("single", "--inputs 0000 --box 3,-4,-1,7,0,3", "boxed").placement.center, MOVED);
+}
+
+#[test]
+fn sizes_and_lenses_may_differ() {
+    let work = tempfile::tempdir().expect("a folder");
+    let dir = work.path();
+    tiny(dir);
+    for (size, out) in [(64, "large"), (48, "small")] {
+        runs(&format!("lirm gen --views 6 --size {size} --samples 1 --texture 32 --out {out} -q"), dir);
+        moved(&dir.join(format!("{out}/object_00000/uniform")), &dir.join(format!("{out}-photos")), 4);
+    }
+    // The first two images of one size, the others of another.
+    let text = |of: &str| std::fs::read_to_string(dir.join(of).join("transforms.json")).expect("a capture");
+    let parse = |of: &str| -> Value { serde_json::from_str(&text(of)).expect("JSON") };
+    let (mut both, small) = (parse("large-photos"), parse("small-photos"));
+    for i in 2..4 {
+        both["frames"][i] = small["frames"][i].clone();
+        for folder in ["images", "foreground"] {
+            let name = format!("{folder}/{i:04}.png");
+            std::fs::copy(dir.join("small-photos").join(&name), dir.join("large-photos").join(&name))
+                .expect("copied");
+        }
+    }
+    std::fs::write(dir.join("large-photos/transforms.json"), both.to_string()).expect("written");
+    let read = |capture: &str, more: &str, out: &str| {
+        json(
+            &line(&format!(
+                "lirm reconstruct {capture} --model tiny.safetensors {more} --out {out} --json -q"
+            )),
+            dir,
+        )
+    };
+    let four = "--inputs 0000,0001,0002,0003";
+    assert_eq!(read("large-photos", four, "cut")["sets"], json!([4]), "cut to one size");
+    assert_eq!(
+        read("large-photos", &format!("{four} --downscale 1"), "own")["sets"],
+        json!([4]),
+        "as they are: multiples of 8"
+    );
+    refused(
+        &line("lirm reconstruct large-photos --model tiny.safetensors --inputs 0002 --downscale 4 --out d"),
+        dir,
+        2,
+        &["image size", "12x12"],
+    );
+    runs("lirm gen --cameras egocentric --views 6 --size 64 --samples 1 --texture 32 --out head -q", dir);
+    let capture = "head/object_00000/uniform";
+    assert_eq!(frames(&dir.join(capture))["camera_model"], "OPENCV_FISHEYE");
+    let made = read(capture, "--images-per-set 3", "fisheye");
+    assert_eq!(made["sets"].as_array().map(Vec::len), Some(2), "{made}");
+    assert!(
+        made["evaluation"]["mean"]["psnr_db"].is_number(),
+        "an image through a fisheye is rendered too: {made}"
+    );
+}
+
+#[test]
+fn a_configuration_file_makes_other_models() {
+    let work = tempfile::tempdir().expect("a folder");
+    let dir = work.path();
+    tiny(dir);
+    std::fs::write(
+        dir.join("tri.json"),
+        r#"{"planes": 3, "plane_tokens": 3, "embed_tokens": 0, "blocks": 1, "width": 16, "heads": 2, "channels": 4, "fuse": "published"}"#,
+    )
+    .expect("written");
+    let short = "--steps 1 --batch 1 --objects-at-once 1 --json -q";
+    let tri = json(&line(&format!("lirm train --stage 1a --config tri.json --out tri {short}")), dir);
+    let of = |key: &str| tri["settings"][key].clone();
+    assert_eq!((of("planes"), of("plane_tokens"), of("fuse")), (3.into(), 3.into(), "published".into()));
+    assert_eq!(of("first_values"), "scaled", "what the file does not say is as in small");
+    let next = json(&line(&format!("lirm train --stage 2a --from tri --out next {short}")), dir);
+    assert_eq!(next["settings"]["whole"], true);
+    // The layers of `paper` in their full width, with fewer blocks and tokens: a file, which reads images.
+    let wide = json!({
+        "blocks": 1, "width": 1024, "heads": 16, "plane_tokens": 2, "embed_tokens": 2, "channels": 32, "fuse": "published", "pose": "first-camera",
+        "first_values": "published", "whole": true,
+    });
+    std::fs::write(dir.join("wide.json"), wide.to_string()).expect("written");
+    let wide = json(&line("lirm init --config wide.json --out wide.safetensors --json"), dir);
+    assert!(wide["parameters"].as_u64().is_some_and(|n| n > 15_000_000), "{wide}");
+    runs("lirm gen --views 6 --size 64 --samples 1 --texture 32 --out set -q", dir);
+    let read = "lirm reconstruct set/object_00000/uniform --model wide.safetensors --out wide --json -q";
+    assert!(json(&line(read), dir)["evaluation"]["mean"]["psnr_db"].is_number(), "a field of a wide model");
+    std::fs::write(dir.join("bad.json"), r#"{"depth": 3}"#).expect("written");
+    refused(&line("lirm init --config bad.json --out d"), dir, 2, &["bad.json", "depth", "blocks"]);
+    std::fs::write(dir.join("bad.json"), "{").expect("written");
+    refused(&line("lirm init --config bad.json --out d"), dir, 2, &["bad.json", "a complete JSON document"]);
+    refused(&line("lirm init --config none.json --out d"), dir, 2, &["none.json"]);
+    refused(&line("lirm init --config large --out d"), dir, 2, &["large", "small, paper or a .json file"]);
+    refused(
+        &line("lirm train --stage 1a --config tiny.json --max-memory 20M --objects-at-once 1 --out d"),
+        dir,
+        2,
+        &["lirm train", "--objects-at-once"],
+    );
+}
+
+#[test]
+fn a_reconstruction_is_shown_under_another_light() {
+    let work = tempfile::tempdir().expect("a folder");
+    let dir = work.path();
+    tiny(dir);
+    runs("lirm gen --views 6 --size 64 --samples 1 --texture 32 --out set -q", dir);
+    runs("lirm reconstruct set/object_00000/uniform --model tiny.safetensors --out r -q", dir);
+    let relit = json(
+        &line("lirm relight r --env sunset --cameras orbit:2 --size 16x16 --samples 1 --out relit --json -q"),
+        dir,
+    );
+    assert_eq!(relit["images"], 2, "two directions: {relit}");
+    let images = ["000.png", "001.png"]
+        .map(|name| std::fs::read(dir.join("relit/images").join(name)).expect("an image"));
+    assert_ne!(images[0], images[1], "from two sides");
+}
