@@ -104,7 +104,18 @@ fn first_steps_of_its_stages_have_the_recorded_digests() {
     assert_eq!(rows.len(), NAMES.len(), "one for each stage");
     for (stage, row) in NAMES.iter().zip(rows) {
         let mut words = vec!["lirm", "train", "--stage", stage, "--until", "1", "--objects-at-once", "8"];
-        words.extend(["--distances", "10", "--out", stage, "--json", "-q"]);
+        words.extend([
+            "--distances",
+            "60",
+            "--optimizer",
+            "muon",
+            "--batch",
+            "4",
+            "--out",
+            stage,
+            "--json",
+            "-q",
+        ]);
         if *stage != "1a" {
             words.extend(["--from", objects::NAME]);
         }

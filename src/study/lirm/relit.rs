@@ -53,9 +53,7 @@ impl Experiment for Relit<'_> {
 
     fn cells(&self) -> Vec<Cell> {
         let cell = |k: u64| Cell { key: format!("{k:03}"), row: ROW.into(), seed: k };
-        // A model of the first stages has no materials.
-        let count = if self.setup.model().config.is_whole { self.setup.size.objects } else { 0 };
-        (0..count).map(cell).collect()
+        (0..self.setup.size.objects).map(cell).collect()
     }
 
     fn settings(&self, _: usize) -> Value {
@@ -64,6 +62,10 @@ impl Experiment for Relit<'_> {
 
     fn run(&self, cell: usize, watch: &mut dyn Watch, _: &AtomicBool) -> Result<Values> {
         let (k, model) = (cell as u64, self.setup.model());
+        // A model of the first stages has no materials.
+        if !model.config.is_whole {
+            return Ok(Values::from([("has_materials".to_owned(), 0.0)]));
+        }
         let set = settings(SEED, self.setup.size.samples);
         let views = self.setup.object(k, VERSION)?;
         let other = k + 1;
