@@ -15,7 +15,7 @@
 //! | `heads/NAME/L` | (outputs, inputs) | Xavier-uniform with a gain of ½ (`sdf`, `normal`) or 2 |
 //!
 //! The table has the values of [`FirstValues::Scaled`], where σ is 0.02·√(1024/D) and inputs are 64 times the channels. [`FirstValues::Published`] has U(±1/√inputs) for all rays, random place tokens of deviation
-//! 1/√(tokens of a grid), N(0, 0.02²) in all layers of blocks and of `fuse`, U(±1/√(64 C)) for texels, and a gain of ¼.
+//! 1/√(tokens of a grid), N(0, 0.02²) in all layers of blocks but `qkv` and in those of `fuse` (`w2` of [`Fuse::Residual`] is 0), U(±1/√(64 C)) for texels, and a gain of ¼.
 //!
 //! A moment m has at most the length ½ and varies little within an image: with the bound of the colours, a token would hardly show where its rays are. Branches of blocks add to their
 //! tokens, so their last layers are divided by the root of their number, and a token remains the one of its place. A row of texels is a sum of cos(πk(i+½)/8)·cos(πl(j+½)/8) with normal
@@ -188,7 +188,8 @@ fn kept(shape: &[usize]) -> ArrayD<f32> {
     array
 }
 
-/// Smooth patterns (rows, t, t, C): Σ cos(πk(i+½)/t)·cos(πl(j+½)/t)·(1 + k + l)^−1.5·N(0, 1), halved for each of k, l that is 0 in the square, scaled to a length of every row. In f64, left folds.
+/// Smooth patterns (rows, t, t, C): texel (i, j) is Σ w(k, i)·w(l, j)·(1 + k + l)^−1.5·N(0, 1) over k and l in 0..t, with w(k, i) = cos(πk(i+½)/t) and w(0, i) = √½; then every row is scaled to a
+/// length. In f64 with left folds, rounded once.
 fn patterns(draws: &Initial, shape: &[usize], length: f64) -> ArrayD<f32> {
     let coefficients = draws.normal(shape, 1.0);
     let [rows, side, channels] = [shape[0], shape[1], shape[3]];
@@ -329,6 +330,7 @@ pub fn matrices(name: &str, array: &ArrayD<f32>) -> Option<[usize; 3]> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::nn::fuse;
 
     #[test]
     fn counts_are_those_of_the_paper_and_of_the_arrays() {
@@ -370,5 +372,39 @@ mod tests {
         missing.set("norm/gain", ArrayD::from_elem(IxDyn(&[3]), 1.0));
         let e = extended(&missing, &Config::SMALL, 2).expect_err("another shape").to_string();
         assert!(e.contains("norm/gain"), "{e}");
+    }
+
+    #[test]
+    fn the_layer_that_fuses_adds_every_second_channel_of_a_state() {
+        let c = Config { blocks: 1, width: 16, heads: 2, plane_tokens: 1, embed_tokens: 1, ..Config::SMALL };
+        let params = first(&c, 3);
+        let of = |name: &str| params.get(name).expect("an array").as_slice().expect("contiguous");
+        let state: Vec<f32> = (0..16).map(|i| 0.3 * i as f32 - 2.0).collect();
+        let position: Vec<f32> = (0..16).map(|i| 1.0 - 0.1 * i as f32).collect();
+        let [w1, w2, b1, b2] = ["fuse/w1", "fuse/w2", "fuse/w1/bias", "fuse/w2/bias"].map(of);
+        let mut y = vec![0.0; 16];
+        let rule = fuse::Rule::Residual;
+        fuse::forward(&fuse::In { state: &state, position: &position, w1, b1, w2, b2, rule }, &mut y);
+        for (i, y) in y.into_iter().enumerate() {
+            let expected = position[i] + if i % 2 == 0 { state[i] } else { 0.0 };
+            assert!((y - expected).abs() < 1e-6, "channel {i}: {y} and {expected}");
+        }
+    }
+
+    #[test]
+    fn first_texels_are_smooth_and_rows_have_one_length() {
+        let params = first(&Config::SMALL, 3);
+        let v = params.get("unpatch/planes/v").expect("an array");
+        assert!(lengths(v).iter().all(|x| (x - 1.0 / 3_f32.sqrt()).abs() < 1e-6), "rows");
+        // Mean squares of the texels, and of the differences of neighbours; white noise has twice the first.
+        let (mut square, mut difference) = (0.0, 0.0);
+        for row in v.axis_iter(Axis(0)).take(32) {
+            for (i, j, c) in (0..8).flat_map(|i| (0..7).flat_map(move |j| (0..16).map(move |c| (i, j, c)))) {
+                let (a, b) = (f64::from(row[[i, j, c]]), f64::from(row[[i, j + 1, c]]));
+                square += a * a;
+                difference += (a - b) * (a - b);
+            }
+        }
+        assert!(difference < 0.5 * square, "{difference} beside {square}");
     }
 }
