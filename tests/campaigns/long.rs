@@ -76,7 +76,7 @@ pub const ALL: [Long; 12] = [
     ),
     fast(
         "lirm train",
-        "lirm train --stage 1a --config ../shop/tiny.json --steps 40 --batch 1 --objects-at-once 1 --checkpoint-every 3",
+        "lirm train --stage 1a --config ../shop/tiny.json --steps 10 --batch 1 --objects-at-once 1 --checkpoint-every 1",
         Again::Resume,
     ),
     fast("lirm gen", "lirm gen --objects 2 --views 6 --size 48 --samples 16 --texture 32", Again::Resume),
