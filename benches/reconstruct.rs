@@ -54,7 +54,7 @@ fn small(c: &mut Criterion) {
     let at = Placement::default();
     for side in [64, 128] {
         let views: Vec<View> = (0..SET).map(|k| view(k, side)).collect();
-        let inputs = || -> Vec<Input> { views.iter().map(|v| Input::of(v, &at, true)).collect() };
+        let inputs = || -> Vec<Input> { views.iter().map(|v| Input::of(v, &at, &config)).collect() };
         let read = |set: &[Input]| ready.read(&ready.no_state(), set, None).0;
         let decode = |state: &[f32]| -> Field { ready.decode(state, Look::of_field(128, 60.0), at) };
         let set = inputs();

@@ -80,6 +80,8 @@ pub enum Control {
     OtherObject,
     /// Red and green of all images are exchanged.
     SwappedColors,
+    /// There is no state: after every set, all images so far are read in one round.
+    AtOnce,
 }
 
 /// Numbers by name.
@@ -212,7 +214,7 @@ fn inputs(
     let input = |of: &Views, i: usize, camera: usize| {
         let mut view = of.all[i].clone();
         view.picture.camera = of.all[camera].picture.camera.clone();
-        let mut input = Input::of(&view, &at, ready.config.is_whole);
+        let mut input = Input::of(&view, &at, &ready.config);
         if p.control == Control::SwappedColors {
             let pixels = [&mut input.image, &mut input.photo].map(|x| x.as_chunks_mut::<3>().0);
             pixels.into_iter().flatten().for_each(|pixel| pixel.swap(0, 1));
@@ -286,11 +288,15 @@ pub fn views(
     let mut state = ready.no_state();
     let mut scored = Scores { object: k, rounds: Vec::new(), images: Vec::new() };
     let small = views.small(SIDES[0] / SIDES[1])?;
-    for (round, set) in inputs(ready, p, k, views, other)?.iter().enumerate() {
-        if p.control == Control::ZeroedState {
+    let sets = inputs(ready, p, k, views, other)?;
+    for (round, set) in sets.iter().enumerate() {
+        if matches!(p.control, Control::ZeroedState | Control::AtOnce) {
             state = ready.no_state();
         }
-        state = ready.read(&state, set, None).0;
+        state = match p.control {
+            Control::AtOnce => ready.read(&state, &sets[..=round].concat(), None).0,
+            _ => ready.read(&state, set, None).0,
+        };
         let (mut numbers, image) = state_and_image(ready, p, (&state, at), k, views)?;
         let so_far = |of: &'_ Views| order[..SET * (round + 1)].iter().map(|i| of.all[*i].clone()).collect();
         numbers.extend(baselines(p, k, views, [so_far(views), so_far(&small)])?);

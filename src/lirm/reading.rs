@@ -1,37 +1,48 @@
 //! Images of an object as the model reads them, and sets of them one after the other.
 
-use super::model::config::PATCH;
+use super::model::config::{Config, PATCH, Rays};
 use super::model::transformer::Input;
 use super::model::weights::Ready;
 use super::views::{View, Views};
 use crate::fit::field::targets::placed;
 use crate::num::sum;
 use crate::scene::field::Placement;
-use crate::scene::rays::plucker;
+use crate::scene::rays::{PLUCKER, moment, plucker};
 use crate::{Error, Result};
 
 /// Most tokens of a set: 64 images of 512².
 const MOST_TOKENS: usize = 262_144;
 
 impl Input {
-    /// An image as the model reads it, with rays in the units of the field; a plain model does not read the photo.
-    pub fn of(view: &View, placement: &Placement, has_photo: bool) -> Self {
+    /// An image as a model reads it, with rays in the units of the field; a plain model does not read the photo.
+    pub fn of(view: &View, placement: &Placement, config: &Config) -> Self {
         let wide = |x: &[f32]| x.iter().map(|x| 2.0 * x - 1.0).collect();
         let camera = placed(&view.picture.camera, placement);
         Self {
             size: [camera.width, camera.height],
             image: wide(&view.picture.color),
-            rays: plucker(&camera),
-            photo: if has_photo { wide(&view.photo) } else { Vec::new() },
+            rays: match config.rays {
+                Rays::Plucker => plucker(&camera),
+                Rays::Nearest => nearest(plucker(&camera)),
+            },
+            photo: if config.is_whole { wide(&view.photo) } else { Vec::new() },
         }
     }
+}
+
+/// Replaces the moments m of rays (d, m) by the points d × m of their lines that are nearest to the origin, in f64 and rounded once.
+fn nearest(mut rays: Vec<f32>) -> Vec<f32> {
+    for [a, b, c, x, y, z] in rays.as_chunks_mut::<PLUCKER>().0 {
+        [*x, *y, *z] = moment([*a, *b, *c], [*x, *y, *z]);
+    }
+    rays
 }
 
 /// The images of a set as inputs.
 ///
 /// # Errors
 /// When there is none, a side is not a multiple of [`PATCH`], or they have too many tokens.
-pub fn inputs(views: &Views, has_photo: bool) -> Result<Vec<Input>> {
+pub fn inputs(views: &Views, config: &Config) -> Result<Vec<Input>> {
     if views.all.is_empty() {
         return Err(Error::input("images").expected("at least one").got("none"));
     }
@@ -45,7 +56,7 @@ pub fn inputs(views: &Views, has_photo: bool) -> Result<Vec<Input>> {
                 .hint("--crop-side 64 cuts a square around the object and brings it to 64 pixels"));
         }
     }
-    let all: Vec<Input> = views.all.iter().map(|v| Input::of(v, &views.placement, has_photo)).collect();
+    let all: Vec<Input> = views.all.iter().map(|v| Input::of(v, &views.placement, config)).collect();
     let tokens = all.iter().fold(0, |sum, v| sum + v.tokens());
     if tokens > MOST_TOKENS {
         return Err(Error::input("images")
@@ -75,4 +86,34 @@ pub fn change(before: &[f32], after: &[f32]) -> f64 {
     let square = |x: f64| x * x;
     let moved = before.iter().zip(after).map(|(a, b)| square(f64::from(*b) - f64::from(*a))).collect();
     length(moved) / length(after.iter().map(|x| square(f64::from(*x))).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::camera::{Camera, Model};
+
+    #[test]
+    fn nearest_points_are_on_their_rays_and_at_right_angles_to_them() {
+        let camera = Camera {
+            rotation: [[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]],
+            translation: [0.1, -0.2, 1.5],
+            focal_px: [9.0, 9.0],
+            center_px: [4.0, 4.0],
+            width: 8,
+            height: 8,
+            model: Model::Pinhole,
+        };
+        let (rays, points) = (plucker(&camera), nearest(plucker(&camera)));
+        for (ray, point) in rays.as_chunks::<PLUCKER>().0.iter().zip(points.as_chunks::<PLUCKER>().0) {
+            let ([d, m], [same, c]) = ([&ray[..3], &ray[3..]], [&point[..3], &point[3..]]);
+            assert_eq!(d, same);
+            let three = |x: &[f32]| [x[0], x[1], x[2]];
+            // The moment of a point of the line is that of the line, and no other point of the line is as near to the origin.
+            let own = moment(three(c), three(d));
+            assert!(own.iter().zip(m).all(|(a, b)| (a - b).abs() < 1e-6), "{own:?} {m:?}");
+            assert!(((c[0] * d[0] + c[1] * d[1]) + c[2] * d[2]).abs() < 1e-6, "{c:?} {d:?}");
+        }
+        assert!(nearest(vec![0.0; PLUCKER]).iter().all(|x| *x == 0.0), "a pixel without a ray stays one");
+    }
 }

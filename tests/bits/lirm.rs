@@ -162,7 +162,7 @@ pub(crate) fn entries() -> Vec<Entry> {
         let which: Vec<usize> = (0..SET).map(|i| SET * set + i).collect();
         let views = balls.0.chosen(&which).small(2).expect("even sides");
         let at = balls.0.posed(config.pose, &[0]).expect("an upright camera");
-        let inputs: Vec<Input> = views.all.iter().map(|v| Input::of(v, &at, true)).collect();
+        let inputs: Vec<Input> = views.all.iter().map(|v| Input::of(v, &at, &config)).collect();
         state = ready.read(&state, &inputs, None).0;
         let field = ready.decode(&state, Look::of_field(SAMPLES, 60.0), at);
         entries.push(Entry::new(name, shown(&state, &field)));

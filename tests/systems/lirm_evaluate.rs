@@ -100,7 +100,7 @@ fn two_sets(ready: &Ready<'_>, p: &Protocol, views: &Views) -> (Placement, [Vec<
     let small = views.small(2).expect("even sides");
     let order = cameras::test(p.set.seed, 0, p.set.size).inputs;
     let set = |n: usize| {
-        order[SET * n..SET * (n + 1)].iter().map(|i| Input::of(&small.all[*i], &at, false)).collect()
+        order[SET * n..SET * (n + 1)].iter().map(|i| Input::of(&small.all[*i], &at, &ready.config)).collect()
     };
     (at, [set(0), set(1)])
 }

@@ -4,6 +4,7 @@ use super::ball;
 use lastlight::fit::field::place::Pose;
 use lastlight::fit::field::targets::{Picture, Pictures, target};
 use lastlight::lirm::r#gen::{self as set, Lighting, Settings};
+use lastlight::lirm::model::config::Config;
 use lastlight::lirm::model::transformer::Input;
 use lastlight::lirm::views::{View, Views};
 use lastlight::scene::camera::{Camera, Model};
@@ -121,8 +122,9 @@ fn turned_axes_of_a_field_are_those_of_a_turned_object() {
     let (sin, cos) = (libm::sin(0.7), libm::cos(0.7));
     let rotation = [[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]];
     let at = Placement { rotation, ..made.placement };
+    let whole = Config { is_whole: true, ..Config::SMALL };
     for (i, view) in made.all.iter().enumerate() {
-        let (a, b) = (Input::of(view, &at, true), Input::of(&turned.all[i], &made.placement, true));
+        let (a, b) = (Input::of(view, &at, &whole), Input::of(&turned.all[i], &made.placement, &whole));
         assert_eq!((&a.image, &a.photo), (&b.image, &b.photo));
         assert!(a.rays.iter().zip(&b.rays).all(|(x, y)| (x - y).abs() < 2e-6), "rays");
         let (a, b) = (target(&view.picture, &at), turned.target(i));
@@ -138,10 +140,15 @@ fn turned_axes_of_a_field_are_those_of_a_turned_object() {
 fn axes_by_the_first_camera_do_not_depend_on_those_of_the_world() {
     let made = Views::rendered(&settings(), 5, "uniform").expect("an object");
     let turned = made.clone().turned(2.3);
-    for pose in [Pose::Azimuth, Pose::Upright, Pose::FirstCamera] {
+    for (config, pose) in [
+        (Config::PAPER, Pose::Azimuth),
+        (Config::SMALL, Pose::Azimuth),
+        (Config::SMALL, Pose::Upright),
+        (Config::SMALL, Pose::FirstCamera),
+    ] {
         let [a, b] = [&made, &turned].map(|v| v.posed(pose, &[1, 0, 2]).expect("they agree"));
         for (x, y) in made.all.iter().zip(&turned.all) {
-            let (x, y) = (Input::of(x, &a, false), Input::of(y, &b, false));
+            let (x, y) = (Input::of(x, &a, &config), Input::of(y, &b, &config));
             assert!(x.rays.iter().zip(&y.rays).all(|(x, y)| (x - y).abs() < 5e-6), "{}", pose.name());
         }
         let eye = a.to_field(made.all[1].picture.camera.center().map(f64::from));

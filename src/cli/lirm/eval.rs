@@ -53,6 +53,7 @@ const CONTROLS: &Choices = &[
     ("permuted-cameras", "the images of every set have each other's cameras"),
     ("other-object", "from the second set on, the images show another object"),
     ("swapped-colors", "red and green of all images are exchanged"),
+    ("at-once", "no state: after every set, all images so far are read in one round"),
 ];
 
 /// Score a LIRM model on built-in objects, after every set of four images.
@@ -122,6 +123,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
             "permuted-cameras" => Control::PermutedCameras,
             "other-object" => Control::OtherObject,
             "swapped-colors" => Control::SwappedColors,
+            "at-once" => Control::AtOnce,
             _ => Control::None,
         },
         sets: usize::from(args.sets),

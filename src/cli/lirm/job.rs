@@ -195,7 +195,7 @@ impl Job<'_> {
         meter.lap("reading");
         let set = |some: &Vec<usize>| {
             let views = Views::of_capture(pictures, some, place)?;
-            inputs(&self.sized(views)?, model.config.is_whole)
+            inputs(&self.sized(views)?, &model.config)
         };
         let sets: Vec<Vec<Input>> = self.sets.iter().map(set).collect::<Result<_>>()?;
         meter.lap("inputs");

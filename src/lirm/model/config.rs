@@ -12,6 +12,7 @@
 //! | `fuse` | published | residual | how the last state enters |
 //! | `pose` | world | azimuth | axes of the field ([`Pose`]) |
 //! | `first_values` | published | scaled | [`FirstValues`] |
+//! | `rays` | plucker | nearest | coordinates of a ray ([`Rays`]) |
 //! | `whole` | | | whether it reads photos, and has materials and colours that depend on direction: stages 2 and 3 |
 
 use crate::fit::field::place::Pose;
@@ -45,6 +46,31 @@ impl Fuse {
         match self {
             Self::Published => "published",
             Self::Residual => "residual",
+        }
+    }
+}
+
+/// The six coordinates in which a pixel's ray enters. Those of one kind follow from those of the other.
+///
+/// A token of a plane has to find the patches whose rays pass its column of space. The squared distance of a point p from a ray is, but for
+/// a term with (p·d)², |c|² − 2 p·c + |p|²: with c in the token, the product of a query and a key has the second term already. With the moment m, c = d × m is made of
+/// products of coordinates, which layers have to learn first: in trainings of two thousand steps they do not, and such a model hardly uses its cameras
+/// (chapter `small_model` of the book).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Rays {
+    /// Unit direction d and moment m = o × d: Plücker coordinates, as published.
+    Plucker,
+    /// Unit direction d and the point of the ray's line nearest to the origin of the field, c = d × m.
+    #[default]
+    Nearest,
+}
+
+impl Rays {
+    /// Returns the name in settings.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Plucker => "plucker",
+            Self::Nearest => "nearest",
         }
     }
 }
@@ -124,6 +150,8 @@ pub struct Config {
     pub pose: Pose,
     /// First values of weights and tokens.
     pub first_values: FirstValues,
+    /// Coordinates of rays.
+    pub rays: Rays,
     /// Whether it reads photos, and gives materials and colours that depend on direction.
     pub is_whole: bool,
 }
@@ -141,6 +169,7 @@ impl Config {
         fuse: Fuse::Published,
         pose: Pose::World,
         first_values: FirstValues::Published,
+        rays: Rays::Plucker,
         is_whole: false,
     };
     /// A model that two cores can train; 5.8 million parameters.
@@ -155,6 +184,7 @@ impl Config {
         fuse: Fuse::Residual,
         pose: Pose::Azimuth,
         first_values: FirstValues::Scaled,
+        rays: Rays::Nearest,
         is_whole: false,
     };
 
@@ -262,7 +292,8 @@ impl Config {
         json!({
             "blocks": self.blocks, "width": self.width, "heads": self.heads, "planes": self.planes,
             "plane_tokens": self.plane_tokens, "embed_tokens": self.embed_tokens, "channels": self.channels,
-            "fuse": self.fuse.name(), "pose": self.pose.name(), "first_values": self.first_values.name(), "whole": self.is_whole,
+            "fuse": self.fuse.name(), "pose": self.pose.name(), "first_values": self.first_values.name(), "rays": self.rays.name(),
+            "whole": self.is_whole,
         })
     }
 
@@ -305,6 +336,12 @@ impl Config {
             Some("residual") => Fuse::Residual,
             _ => return Err(missing("fuse", "published or residual")),
         };
+        // Models from before there was a choice have no entry.
+        let rays = match from.get("rays").map(Value::as_str) {
+            None | Some(Some("plucker")) => Rays::Plucker,
+            Some(Some("nearest")) => Rays::Nearest,
+            Some(_) => return Err(missing("rays", "plucker or nearest")),
+        };
         let config = Self {
             blocks: count("blocks")?,
             width: count("width")?,
@@ -326,6 +363,7 @@ impl Config {
                 .ok_or_else(|| {
                     missing("first_values", &FirstValues::ALL.map(FirstValues::name).join(", "))
                 })?,
+            rays,
             is_whole: from
                 .get("whole")
                 .and_then(Value::as_bool)
@@ -367,6 +405,7 @@ mod tests {
             ("heads", json!(3)),
             ("fuse", json!("x")),
             ("first_values", json!(2)),
+            ("rays", json!("moment")),
             ("width", json!(-1)),
         ] {
             let mut bad = Config::SMALL.json();
@@ -374,6 +413,13 @@ mod tests {
             let e = Config::parse(&bad).expect_err("out of range").to_string();
             assert!(e.contains(key), "{e}");
         }
+    }
+
+    #[test]
+    fn models_without_an_entry_read_moments() {
+        let mut old = Config::SMALL.json();
+        old.as_object_mut().expect("an object").remove("rays");
+        assert_eq!(Config::parse(&old).expect("valid"), Config { rays: Rays::Plucker, ..Config::SMALL });
     }
 
     #[test]

@@ -2,7 +2,7 @@
 //!
 //! | name | shape | first values |
 //! |---|---|---|
-//! | `tokens/image`, `tokens/rays`, `tokens/photo` | (D, 8, 8, 3 or 6) | U(±1/√inputs); U(±2/√inputs) for directions, U(±5/√inputs) for moments; 0 |
+//! | `tokens/image`, `tokens/rays`, `tokens/photo` | (D, 8, 8, 3 or 6) | U(±1/√inputs); U(±2/√inputs) for directions, U(±5/√inputs) for points or moments; 0 |
 //! | `tokens/bias` | (D) | 0 |
 //! | `places/planes`, `places/panoramas` | (T, D) | N(0, 1); those of planes from positions ([`super::places`]) |
 //! | `fuse/w1`, `fuse/w2` | (D, 2D), (D, D) | with [`Fuse::Residual`] 0 and ±1 such that half of the channels of the last state are added as they are |
@@ -17,7 +17,7 @@
 //! The table has the values of [`FirstValues::Scaled`], where σ is 0.02·√(1024/D) and inputs are 64 times the channels. [`FirstValues::Published`] has U(±1/√inputs) for all rays, random place tokens of deviation
 //! 1/√(tokens of a grid), N(0, 0.02²) in all layers of blocks but `qkv` and in those of `fuse` (`w2` of [`Fuse::Residual`] is 0), U(±1/√(64 C)) for texels, and a gain of ¼.
 //!
-//! A moment m has at most the length ½ and varies little within an image: with the bound of the colours, a token would hardly show where its rays are. Branches of blocks add to their
+//! A moment m, like the nearest point d × m, has at most the length ½ and varies little within an image: with the bound of the colours, a token would hardly show where its rays are. Branches of blocks add to their
 //! tokens, so their last layers are divided by the root of their number, and a token remains the one of its place. A row of texels is a sum of cos(πk(i+½)/8)·cos(πl(j+½)/8) with normal
 //! coefficients times (1 + k + l)^−1.5: white noise would give the first signed distance a rough gradient. In `fuse`, GELU(x) − GELU(−x) = x, so that half of the hidden units keep every second channel of the state.
 //!
@@ -41,7 +41,7 @@ const PURPOSE: u16 = 0x0550;
 /// Channels per pixel of image, rays and photo.
 const INPUTS: [(&str, usize); 3] = [("image", 3), ("rays", 6), ("photo", 3)];
 
-/// Factors of the first weights of directions and moments.
+/// Factors of the first weights of directions, and of points or moments.
 const RAYS: [f32; 2] = [2.0, 5.0];
 
 /// How an array begins.

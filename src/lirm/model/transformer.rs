@@ -19,7 +19,7 @@ pub struct Input {
     pub size: [usize; 2],
     /// (H, W, 3) colours over white, 2x − 1.
     pub image: Vec<f32>,
-    /// (H, W, 6) unit direction and moment of the rays, in units of the field.
+    /// (H, W, 6) coordinates of the rays ([`super::config::Rays`]), in units of the field.
     pub rays: Vec<f32>,
     /// (H, W, 3) the image with what is behind the object, 2x − 1; empty where it is not read.
     pub photo: Vec<f32>,

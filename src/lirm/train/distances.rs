@@ -81,6 +81,13 @@ impl Distances {
         }
     }
 
+    /// The points that are at least that deep in the object.
+    #[cfg(test)]
+    pub(super) fn inside(&self, depth: f32) -> Vec<[f32; 3]> {
+        let all = self.points.iter().zip(&self.truth);
+        all.filter(|(_, d)| **d <= -depth).map(|(p, _)| *p).collect()
+    }
+
     /// The loss of a field and the cotangents of its distances, for a weight.
     pub(super) fn compare(&self, field: &Field, weight: f32) -> Result<(f32, Vec<f32>)> {
         if self.points.is_empty() {

@@ -102,7 +102,7 @@ impl Object {
         };
         let set = |which: &Vec<usize>| {
             let small = chosen(which).small(SIDE / INPUT)?;
-            Ok(small.all.iter().map(|view| Input::of(view, &small.placement, config.is_whole)).collect())
+            Ok(small.all.iter().map(|view| Input::of(view, &small.placement, config)).collect())
         };
         let sets = choice.sets.iter().map(set).collect::<Result<Vec<Vec<Input>>>>()?;
         let centers: Vec<[f32; 3]> = all.all.iter().map(|v| v.picture.camera.center()).collect();
@@ -307,5 +307,51 @@ mod tests {
         assert!(with.loss > without.loss + 1e-4, "{} {}", with.loss, without.loss);
         let [g, h] = [&with, &without].map(|drawn| object.pull(&field, drawn).planes);
         assert_ne!(g, h);
+    }
+
+    /// Part of some points that the nearest ray of every image shows as the object.
+    fn covered(points: &[[f32; 3]], images: &[(Vec<[f32; 6]>, Vec<bool>)]) -> f64 {
+        let is_covered = |p: &[f32; 3], (rays, foreground): &(Vec<[f32; 6]>, Vec<bool>)| {
+            // The squared distance of a point from a line with unit direction d and a point c: ‖p − c‖² − ((p − c)·d)².
+            let square = |r: &[f32; 6]| {
+                let off: [f32; 3] = std::array::from_fn(|k| p[k] - r[3 + k]);
+                let along = (off[0] * r[0] + off[1] * r[1]) + off[2] * r[2];
+                ((off[0] * off[0] + off[1] * off[1]) + off[2] * off[2]) - along * along
+            };
+            let nearest = (0..rays.len()).min_by(|i, j| square(&rays[*i]).total_cmp(&square(&rays[*j])));
+            nearest.is_some_and(|i| foreground[i])
+        };
+        let all = points.iter().filter(|p| images.iter().all(|image| is_covered(p, image))).count();
+        all as f64 / points.len() as f64
+    }
+
+    #[test]
+    fn inputs_targets_and_distances_show_one_object_in_one_place() {
+        let (object, _) = made(&Stage { distances: 1.0, ..Stage::named("1a").expect("a name") });
+        let inside = object.distances.inside(0.02);
+        assert!(inside.len() > 20, "{}", inside.len());
+        let read = |input: &Input| {
+            let rays = input.rays.as_chunks::<6>().0.to_vec();
+            (rays, input.image.as_chunks::<3>().0.iter().map(|x| x.iter().any(|v| *v < 0.99)).collect())
+        };
+        let mut inputs: Vec<(Vec<[f32; 6]>, Vec<bool>)> = object.sets.iter().flatten().map(read).collect();
+        let targets: Vec<(Vec<[f32; 6]>, Vec<bool>)> = object
+            .targets
+            .iter()
+            .map(|t| {
+                let mut list = RayList::default();
+                (0..t.foreground.len()).for_each(|i| list.push(&t.camera, i));
+                let row = |(o, d): (&[f32; 3], &[f32; 3])| [d[0], d[1], d[2], o[0], o[1], o[2]];
+                let rays = list.origins.iter().zip(&list.directions).map(row).collect();
+                (rays, t.foreground.iter().map(|m| *m > 0.0).collect())
+            })
+            .collect();
+        let [of_inputs, of_targets] = [&inputs, &targets].map(|images| covered(&inside, images));
+        assert!(of_inputs > 0.98 && of_targets > 0.98, "{of_inputs} {of_targets}");
+        let mut rays: Vec<Vec<[f32; 6]>> = inputs.iter().map(|(rays, _)| rays.clone()).collect();
+        rays.rotate_left(1);
+        inputs.iter_mut().zip(rays).for_each(|(input, rays)| input.0 = rays);
+        let of_others = covered(&inside, &inputs);
+        assert!(of_others < 0.9, "with each other's cameras they do not: {of_others}");
     }
 }

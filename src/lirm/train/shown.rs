@@ -45,7 +45,7 @@ impl Shown {
         let read = which.iter().map(|i| &small.all[*i]);
         Ok(Self {
             name: format!("object {k}"),
-            inputs: read.map(|view| Input::of(view, &placement, config.is_whole)).collect(),
+            inputs: read.map(|view| Input::of(view, &placement, config)).collect(),
             target: target(&small.all[around[VIEWS / (2 * READ)]].picture, &placement),
             placement,
         })

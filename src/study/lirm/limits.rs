@@ -96,8 +96,7 @@ impl Experiment for Limits<'_> {
         let mut state = ready.no_state();
         for set in protocol.inputs.chunks(SET) {
             let small: Views = views.chosen(set).small(p.set.size / INPUT)?;
-            let inputs: Vec<Input> =
-                small.all.iter().map(|v| Input::of(v, &at, model.config.is_whole)).collect();
+            let inputs: Vec<Input> = small.all.iter().map(|v| Input::of(v, &at, &model.config)).collect();
             state = ready.read(&state, &inputs, None).0;
         }
         let field = ready.decode(&state, p.look, at);

@@ -67,7 +67,7 @@ impl Experiment for Occupied<'_> {
         let protocol = cameras::test(SEED, k, set.size);
         let at = views.posed(model.config.pose, &protocol.inputs[..SET])?;
         let small = views.chosen(&protocol.inputs[..SET]).small(set.size / INPUT)?;
-        let inputs: Vec<Input> = small.all.iter().map(|v| Input::of(v, &at, model.config.is_whole)).collect();
+        let inputs: Vec<Input> = small.all.iter().map(|v| Input::of(v, &at, &model.config)).collect();
         let ready = Ready::new(model.config, &model.params);
         let (state, _) = ready.read(&ready.no_state(), &inputs, None);
         let steps = Ord::min(STEPS, 8 * self.setup.size.steps);

@@ -78,7 +78,7 @@ impl Experiment for Relit<'_> {
         let mut state = ready.no_state();
         for which in protocol.inputs.chunks(SET).take(SETS) {
             let small = views.chosen(which).small(set.size / INPUT)?;
-            let inputs: Vec<Input> = small.all.iter().map(|v| Input::of(v, &at, true)).collect();
+            let inputs: Vec<Input> = small.all.iter().map(|v| Input::of(v, &at, &model.config)).collect();
             state = ready.read(&state, &inputs, None).0;
         }
         let field = ready.decode(&state, self.setup.protocol(model, VERSION).look, at);

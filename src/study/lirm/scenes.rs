@@ -64,8 +64,7 @@ impl Experiment for Added<'_> {
         let at = before.posed(model.config.pose, &protocol.inputs[..SET])?;
         let read = |state: &[f32], of: &Views, which: &[usize]| -> Result<Vec<f32>> {
             let small = of.chosen(which).small(set.size / INPUT)?;
-            let inputs: Vec<Input> =
-                small.all.iter().map(|v| Input::of(v, &at, model.config.is_whole)).collect();
+            let inputs: Vec<Input> = small.all.iter().map(|v| Input::of(v, &at, &model.config)).collect();
             Ok(ready.read(state, &inputs, None).0)
         };
         let states = {
@@ -168,7 +167,7 @@ impl Experiment for Head<'_> {
         let mut state = ready.no_state();
         let mut rounds = Vec::new();
         for set in seen.all.chunks(SET) {
-            let inputs: Vec<Input> = set.iter().map(|v| Input::of(v, &at, model.config.is_whole)).collect();
+            let inputs: Vec<Input> = set.iter().map(|v| Input::of(v, &at, &model.config)).collect();
             state = ready.read(&state, &inputs, None).0;
             rounds.push(evaluate::state(&ready, &p, (&state, at), k, &truth)?);
         }

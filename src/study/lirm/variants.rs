@@ -160,7 +160,7 @@ impl Experiment for Variants<'_> {
             let at = views.posed(kind.config.pose, &inputs[..SET])?;
             let read = |which: &[usize]| -> Result<Vec<Input>> {
                 let small = views.chosen(which).small(SIDES[1] / SIDES[0])?;
-                Ok(small.all.iter().map(|v| Input::of(v, &at, true)).collect())
+                Ok(small.all.iter().map(|v| Input::of(v, &at, training.config())).collect())
             };
             let mut state = ready.no_state();
             for set in 0..SETS {
