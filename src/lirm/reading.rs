@@ -1,6 +1,6 @@
 //! Images of an object as the model reads them, and sets of them one after the other.
 
-use super::model::config::{Config, PATCH, Rays};
+use super::model::config::{Background, Config, PATCH, Rays};
 use super::model::transformer::Input;
 use super::model::weights::Ready;
 use super::views::{View, Views};
@@ -16,11 +16,14 @@ const MOST_TOKENS: usize = 262_144;
 impl Input {
     /// An image as a model reads it, with rays in the units of the field; a plain model does not read the photo.
     pub fn of(view: &View, placement: &Placement, config: &Config) -> Self {
-        let wide = |x: &[f32]| x.iter().map(|x| 2.0 * x - 1.0).collect();
+        let wide = |x: &[f32]| -> Vec<f32> { x.iter().map(|x| 2.0 * x - 1.0).collect() };
         let camera = placed(&view.picture.camera, placement);
         Self {
             size: [camera.width, camera.height],
-            image: wide(&view.picture.color),
+            image: match config.background {
+                Background::White => wide(&view.picture.color),
+                Background::Marked => marked(wide(&view.picture.color), &view.picture.foreground),
+            },
             rays: match config.rays {
                 Rays::Plucker => plucker(&camera),
                 Rays::Nearest => nearest(plucker(&camera)),
@@ -28,6 +31,14 @@ impl Input {
             photo: if config.is_whole { wide(&view.photo) } else { Vec::new() },
         }
     }
+}
+
+/// Adds 2·(1 − m) to the colours of an image, where m is the part of a pixel that the object covers: a background of 1 becomes 3.
+fn marked(mut image: Vec<f32>, foreground: &[f32]) -> Vec<f32> {
+    for (pixel, m) in image.as_chunks_mut::<3>().0.iter_mut().zip(foreground) {
+        *pixel = pixel.map(|x| x + 2.0 * (1.0 - m));
+    }
+    image
 }
 
 /// Replaces the moments m of rays (d, m) by the points d × m of their lines that are nearest to the origin, in f64 and rounded once.
@@ -92,6 +103,14 @@ pub fn change(before: &[f32], after: &[f32]) -> f64 {
 mod tests {
     use super::*;
     use crate::scene::camera::{Camera, Model};
+
+    #[test]
+    fn a_marked_background_has_a_value_that_no_color_has() {
+        // White background, a black pixel, a white one of the object, and one that is half covered with black.
+        let image = [[1.0; 3], [-1.0; 3], [1.0; 3], [0.0; 3]].concat();
+        let found = marked(image, &[0.0, 1.0, 1.0, 0.5]);
+        assert_eq!(found, [[3.0; 3], [-1.0; 3], [1.0; 3], [1.0; 3]].concat());
+    }
 
     #[test]
     fn nearest_points_are_on_their_rays_and_at_right_angles_to_them() {

@@ -80,6 +80,12 @@ pub(crate) struct Args {
     /// of stage 1a and later
     #[arg(long, value_name = "X", default_value_t = 0.0)]
     distances: f32,
+    /// Learning rate after the warm-up; the last one changes with it [default: that of the stage]
+    #[arg(long, value_name = "X")]
+    rate: Option<f64>,
+    /// Largest part of its size that an object gives up for a random place in the box [default: that of the stage]
+    #[arg(long, value_name = "X", hide_short_help = true)]
+    room: Option<f64>,
     /// What updates the matrices of the blocks; all other arrays have adamw
     #[arg(long, value_name = "NAME", default_value = "adamw", value_parser = choices(OPTIMIZERS))]
     optimizer: String,
@@ -108,6 +114,10 @@ impl Args {
         if let Some(steps) = self.steps {
             stage.steps = steps as usize;
         }
+        if let Some(rate) = self.rate {
+            stage = stage.with_rate(rate);
+        }
+        stage.room = self.room.unwrap_or(stage.room);
         stage.points = self.points;
         stage = stage.with_distances(self.distances);
         stage.validate()?;

@@ -13,6 +13,7 @@
 //! | `pose` | world | azimuth | axes of the field ([`Pose`]) |
 //! | `first_values` | published | scaled | [`FirstValues`] |
 //! | `rays` | plucker | nearest | coordinates of a ray ([`Rays`]) |
+//! | `background` | white | marked | what an image has beside the object ([`Background`]) |
 //! | `whole` | | | whether it reads photos, and has materials and colours that depend on direction: stages 2 and 3 |
 
 use crate::fit::field::place::Pose;
@@ -71,6 +72,28 @@ impl Rays {
         match self {
             Self::Plucker => "plucker",
             Self::Nearest => "nearest",
+        }
+    }
+}
+
+/// What the images that a model reads have where the object is not.
+///
+/// A white background tells where an object ends unless its edge is bright. The foreground of the inputs is known, so it need not be guessed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Background {
+    /// White, 1 in the range of −1 to 1 of colours: as published.
+    White,
+    /// 3, which no colour is; a pixel that is covered in part has a mean by coverage.
+    #[default]
+    Marked,
+}
+
+impl Background {
+    /// Returns the name in settings.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::White => "white",
+            Self::Marked => "marked",
         }
     }
 }
@@ -152,6 +175,8 @@ pub struct Config {
     pub first_values: FirstValues,
     /// Coordinates of rays.
     pub rays: Rays,
+    /// What images have beside the object.
+    pub background: Background,
     /// Whether it reads photos, and gives materials and colours that depend on direction.
     pub is_whole: bool,
 }
@@ -170,6 +195,7 @@ impl Config {
         pose: Pose::World,
         first_values: FirstValues::Published,
         rays: Rays::Plucker,
+        background: Background::White,
         is_whole: false,
     };
     /// A model that two cores can train; 5.8 million parameters.
@@ -185,6 +211,7 @@ impl Config {
         pose: Pose::Azimuth,
         first_values: FirstValues::Scaled,
         rays: Rays::Nearest,
+        background: Background::Marked,
         is_whole: false,
     };
 
@@ -293,7 +320,7 @@ impl Config {
             "blocks": self.blocks, "width": self.width, "heads": self.heads, "planes": self.planes,
             "plane_tokens": self.plane_tokens, "embed_tokens": self.embed_tokens, "channels": self.channels,
             "fuse": self.fuse.name(), "pose": self.pose.name(), "first_values": self.first_values.name(), "rays": self.rays.name(),
-            "whole": self.is_whole,
+            "background": self.background.name(),             "whole": self.is_whole,
         })
     }
 
@@ -342,6 +369,11 @@ impl Config {
             Some(Some("nearest")) => Rays::Nearest,
             Some(_) => return Err(missing("rays", "plucker or nearest")),
         };
+        let background = match from.get("background").map(Value::as_str) {
+            None | Some(Some("white")) => Background::White,
+            Some(Some("marked")) => Background::Marked,
+            Some(_) => return Err(missing("background", "white or marked")),
+        };
         let config = Self {
             blocks: count("blocks")?,
             width: count("width")?,
@@ -364,6 +396,7 @@ impl Config {
                     missing("first_values", &FirstValues::ALL.map(FirstValues::name).join(", "))
                 })?,
             rays,
+            background,
             is_whole: from
                 .get("whole")
                 .and_then(Value::as_bool)
@@ -406,6 +439,7 @@ mod tests {
             ("fuse", json!("x")),
             ("first_values", json!(2)),
             ("rays", json!("moment")),
+            ("background", json!(1)),
             ("width", json!(-1)),
         ] {
             let mut bad = Config::SMALL.json();
@@ -416,10 +450,13 @@ mod tests {
     }
 
     #[test]
-    fn models_without_an_entry_read_moments() {
+    fn models_without_entries_read_moments_and_white_backgrounds() {
         let mut old = Config::SMALL.json();
-        old.as_object_mut().expect("an object").remove("rays");
-        assert_eq!(Config::parse(&old).expect("valid"), Config { rays: Rays::Plucker, ..Config::SMALL });
+        for key in ["rays", "background"] {
+            old.as_object_mut().expect("an object").remove(key);
+        }
+        let expected = Config { rays: Rays::Plucker, background: Background::White, ..Config::SMALL };
+        assert_eq!(Config::parse(&old).expect("valid"), expected);
     }
 
     #[test]

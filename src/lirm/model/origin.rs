@@ -31,6 +31,12 @@ pub struct Part {
     pub block: usize,
     /// Where the objects come from.
     pub source: String,
+    /// Learning rate after the warm-up, where it is not that of the stage.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rate: Option<f64>,
+    /// Largest part of its size that an object gives up for a random place, where it is not that of the stage.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub room: Option<f64>,
     /// Weight of surface points.
     pub points: f32,
     /// Weight of signed distances.
@@ -112,6 +118,8 @@ mod tests {
             batch: 8,
             block: 200,
             source: "a set".to_owned(),
+            rate: Some(2e-3),
+            room: None,
             points: 0.0,
             distances: 0.1,
             inverse_beta,

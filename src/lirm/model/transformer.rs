@@ -17,7 +17,7 @@ use crate::nn::{block, fuse, layernorm, tokens};
 pub struct Input {
     /// Width and height in pixels, multiples of [`PATCH`].
     pub size: [usize; 2],
-    /// (H, W, 3) colours over white, 2x − 1.
+    /// (H, W, 3) colours over white, 2x − 1, with a background of 1 or 3 ([`super::config::Background`]).
     pub image: Vec<f32>,
     /// (H, W, 6) coordinates of the rays ([`super::config::Rays`]), in units of the field.
     pub rays: Vec<f32>,

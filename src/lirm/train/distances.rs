@@ -67,7 +67,7 @@ impl Distances {
         Ok(Self { points, truth })
     }
 
-    /// Part `n` of the points, counted around. Turns the object about the vertical, as [`crate::lirm::views::Views::turned`] does; then to the field.
+    /// Part `n` of the points, counted around. Turns the object about the vertical, as [`crate::lirm::views::Views::turned`] does; then to the field and its units.
     pub(super) fn turned(&self, n: usize, radians: f64, at: &Placement) -> Self {
         let (sin, cos) = (elem::sin(radians), elem::cos(radians));
         let turn = |p: &[f32; 3]| {
@@ -77,8 +77,22 @@ impl Distances {
         let part = || (n % PARTS..self.points.len()).step_by(PARTS);
         Self {
             points: part().map(|i| turn(&self.points[i])).collect(),
-            truth: part().map(|i| self.truth[i]).collect(),
+            truth: part().map(|i| (f64::from(self.truth[i]) * at.scale) as f32).collect(),
         }
+    }
+
+    /// Adds points of the rest of the box, where the object is smaller than that: those that are drawn uniformly are points of the field this time, and count where they are
+    /// farther than [`FAR`] from a ball, around a point of the field, that contains the object.
+    pub(super) fn with_room(mut self, of: &Self, n: usize, middle: [f64; 3], radius: f64) -> Self {
+        let own = (n % PARTS..of.points.len()).step_by(PARTS).filter(|i| *i >= of.points.len() / 2);
+        let is_far = |p: &[f32; 3]| {
+            let [x, y, z] = std::array::from_fn(|k| f64::from(p[k]) - middle[k]);
+            ((x * x + y * y) + z * z).sqrt() >= radius + f64::from(FAR)
+        };
+        let far: Vec<[f32; 3]> = own.map(|i| of.points[i]).filter(is_far).collect();
+        self.truth.extend(std::iter::repeat_n(FAR, far.len()));
+        self.points.extend(far);
+        self
     }
 
     /// The points that are at least that deep in the object.
@@ -139,6 +153,19 @@ mod tests {
         let parts = [0, 1, 2, 3, 6].map(|n| found.turned(n, 0.5, &Placement::default()));
         assert!(parts[4] == parts[2] && parts[3] != parts[2], "counted around");
         assert!(parts.iter().all(|p| p.points.len() == COUNT / PARTS && p.truth.len() == COUNT / PARTS));
+        let (middle, around) = ([0.2, -0.1, 0.0], 0.25);
+        let roomy = parts[1].clone().with_room(&found, 1, middle, around);
+        let added = &roomy.points[parts[1].points.len()..];
+        assert!(added.len() > 1000 && roomy.truth.len() == roomy.points.len(), "{}", added.len());
+        assert!(roomy.truth[parts[1].truth.len()..].iter().all(|d| *d == FAR));
+        let from_middle = |p: &[f32; 3]| {
+            let [x, y, z] = std::array::from_fn(|k| f64::from(p[k]) - middle[k]);
+            (x * x + y * y + z * z).sqrt()
+        };
+        assert!(added.iter().all(|p| from_middle(p) >= around + f64::from(FAR)), "outside of the ball");
+        let half = Placement::new([0.0; 3], 0.5);
+        let small = found.turned(1, 0.5, &half);
+        assert!(small.truth.iter().zip(&parts[1].truth).all(|(a, b)| *a == 0.5 * b), "units of the field");
         let turned = &parts[1];
         let moved = found.points.iter().skip(1).step_by(PARTS).zip(&turned.points);
         assert!(moved.clone().all(|(a, b)| (radius(a) - radius(b)).abs() < 1e-6 && a[2] == b[2]));

@@ -8,10 +8,13 @@ use crate::num::rng::Rng;
 const ORDER: u16 = 0x0551;
 /// Light of an object; the item is the object.
 const LIGHT: u16 = 0x0552;
-/// Of a place in a batch: draw 0 the turn, 1 the brightness, 2 the number of sets, from 3 on their sizes, from [`TINT`] on the tint.
+/// Of a place in a batch: draw 0 the turn, 1 the brightness, 2 the number of sets, from 3 on their sizes, from [`TINT`] on the tint, from [`ROOM`] on size and
+/// place in the box.
 const PLACE: u16 = 0x0553;
 /// Draw of the first channel of the tint; after the channels follows its strength.
 const TINT: u16 = 16;
+/// Draw of the size; after it follow the three coordinates of the place.
+const ROOM: u16 = 20;
 /// Order of the images of a place; its item is the place.
 const IMAGES: u16 = 0x0554;
 
@@ -42,6 +45,10 @@ pub(super) struct Choice {
     pub(super) turn: f64,
     /// Factors of the encoded colours: brightness times tint, whose largest channel is 1.
     pub(super) factors: [f32; 3],
+    /// Part of its size that the object has in the box.
+    pub(super) size: f64,
+    /// Where its middle is in the box: every coordinate in −1..1 of the room that its size leaves.
+    pub(super) shift: [f64; 3],
     /// Images of every set.
     pub(super) sets: Vec<Vec<usize>>,
     /// All images, in a random order.
@@ -104,6 +111,8 @@ impl Draws<'_> {
             object,
             batch: order,
             turn: std::f64::consts::TAU * u(0),
+            size: 1.0 - self.stage.room * u(ROOM),
+            shift: std::array::from_fn(|c| 2.0 * u(ROOM + 1 + c as u16) - 1.0),
             factors: tint(brightness, strength, colors),
             sets: sets.collect(),
             order: Rng::new(rng.derive(j as u64, number(step), PLACE)).permutation(VIEWS, 0, IMAGES),

@@ -181,6 +181,8 @@ impl<'a> Training<'a> {
             ("--objects-at-once", json!(part.block), json!(own.block)),
             ("--optimizer", json!(part.optimizer), json!(own.optimizer)),
             ("objects", json!(part.source), json!(own.source)),
+            ("--rate", json!(part.rate), json!(own.rate)),
+            ("--room", json!(part.room), json!(own.room)),
             ("--points", text(part.points), text(own.points)),
             ("--distances", text(part.distances), text(own.distances)),
         ];
@@ -196,6 +198,9 @@ impl<'a> Training<'a> {
     /// What this training adds to the model that it begins with.
     pub fn part(&self) -> Part {
         let s = &self.settings;
+        let named = Stage::named(&s.stage.name).ok();
+        let differs =
+            |own: f64, of: fn(&Stage) -> f64| named.as_ref().filter(|named| of(named) != own).map(|_| own);
         Part {
             stage: s.stage.name.clone(),
             optimizer: s.optimizer.name().to_owned(),
@@ -205,6 +210,8 @@ impl<'a> Training<'a> {
             batch: s.batch,
             block: s.block,
             source: self.pool.record(),
+            rate: differs(s.stage.rates[0], |named| named.rates[0]),
+            room: differs(s.stage.room, |named| named.room),
             points: s.stage.points,
             distances: s.stage.distances,
             inverse_beta: s.stage.look(self.range[1].saturating_sub(1)).inverse_beta,

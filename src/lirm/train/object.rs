@@ -14,7 +14,7 @@ use crate::fit::field::occupied::filled;
 use crate::fit::field::scene::Weights;
 use crate::fit::field::surface::Stencils;
 use crate::fit::field::view::RayList;
-use crate::lirm::model::config::{Config, PATCH};
+use crate::lirm::model::config::{Config, HALF_SIZE, PATCH};
 use crate::lirm::model::transformer::Input;
 use crate::lirm::views::Views;
 use crate::loss::{self, mse};
@@ -29,6 +29,8 @@ const INPUT: usize = 64;
 pub(super) const INPUT_TOKENS: usize = (INPUT / PATCH) * (INPUT / PATCH);
 /// Purpose of the seed of the places of crops; the item is the place in the batch.
 const PURPOSE: u16 = 0x0555;
+/// Radius of the ball in which an object is.
+const RADIUS: f64 = 0.5;
 /// Weight of numerical normals.
 const NORMALS: f32 = 1.0;
 /// Cells per axis of the grid that samples are skipped by.
@@ -82,6 +84,16 @@ fn surface(target: &Target, crop: &Crop, rays: &[([f32; 3], [f32; 3])]) -> Vec<(
     crop.pixels(target.camera.width).zip(rays).map(one).collect()
 }
 
+/// The place of an object that is smaller by a factor and, in the room that this leaves, somewhere else in the box.
+fn placed(at: Placement, size: f64, shift: [f64; 3]) -> Placement {
+    let scale = at.scale * size;
+    let room = f64::from(HALF_SIZE) - RADIUS * size;
+    let q = at.rotation;
+    // The point that is at the middle of the box, from the object's middle, in the axes of the world.
+    let back = |k: usize| ((q[0][k] * shift[0] + q[1][k] * shift[1]) + q[2][k] * shift[2]) * room / scale;
+    Placement { center: std::array::from_fn(|k| at.center[k] - back(k)), scale, ..at }
+}
+
 impl Object {
     /// Makes the inputs and targets of place `j` of a step.
     pub(super) fn new(
@@ -95,7 +107,11 @@ impl Object {
         let (all, distances) = pool.get(choice.object);
         let at = all.chosen(&choice.sets[0]).turned(choice.turn);
         let at = at.posed(config.pose, &(0..at.all.len()).collect::<Vec<_>>())?;
-        let distances = distances.turned(choice.batch, choice.turn, &at);
+        let (whole, at) = (at, placed(at, choice.size, choice.shift));
+        let mut near = distances.turned(choice.batch, choice.turn, &at);
+        if choice.size < 1.0 {
+            near = near.with_room(distances, choice.batch, at.to_field(whole.center), RADIUS * choice.size);
+        }
         let chosen = |which: &[usize]| {
             let own = all.chosen(which).turned(choice.turn).lit(choice.factors);
             Views { placement: at, ..own }
@@ -121,7 +137,7 @@ impl Object {
                 points.extend(surface(target, crop, &own.collect::<Vec<_>>()));
             }
         }
-        Ok(Self { sets, targets, crops, rays, surface: points, distances, placement: at })
+        Ok(Self { sets, targets, crops, rays, surface: points, distances: near, placement: at })
     }
 
     /// Renders the crops of a field and compares them.
@@ -290,7 +306,7 @@ mod tests {
                 f64::from(object.losses(&field, 1.0, stage).expect("finite").loss)
             };
             // After a longer step other rays are opaque, and their points count.
-            let slope = (moved(0.004) - moved(-0.004)) / 0.008;
+            let slope = (moved(0.0005) - moved(-0.0005)) / 0.001;
             assert!((slope - square.sqrt()).abs() < 0.03 * square.sqrt(), "{slope} {}", square.sqrt());
             losses.push(drawn.loss);
         }
@@ -332,7 +348,7 @@ mod tests {
         assert!(inside.len() > 20, "{}", inside.len());
         let read = |input: &Input| {
             let rays = input.rays.as_chunks::<6>().0.to_vec();
-            (rays, input.image.as_chunks::<3>().0.iter().map(|x| x.iter().any(|v| *v < 0.99)).collect())
+            (rays, input.image.as_chunks::<3>().0.iter().map(|x| x.iter().any(|v| *v < 2.9)).collect())
         };
         let mut inputs: Vec<(Vec<[f32; 6]>, Vec<bool>)> = object.sets.iter().flatten().map(read).collect();
         let targets: Vec<(Vec<[f32; 6]>, Vec<bool>)> = object

@@ -9,6 +9,9 @@
 //! | 2b | the same | 0–0.6 | 1–3 | 96 | 80 → 100 | 128², 32² | 800 | 6·10⁻⁵ → 10⁻⁶ |
 //! | 3 | the same | 0–0.6 | 1–3 | 128 | 100 → 125 | 128², 48² | 400 | 2·10⁻⁵ → 0 |
 //!
+//! In stage 1a an object has in every step a random size, from half of its size on, and a random place in the room that this leaves in the box (column `room` of the record: 0.5). Where it is, only the cameras
+//! show. Otherwise all objects are in the middle of the box, and models learn how tall and wide an object is before they learn to use cameras (chapter `small_model` of the book).
+//!
 //! The rate rises linearly over the first hundred steps (twenty in stage 3) to the first number, and falls along a cosine to the second. 1/β is
 //! linear; in stage 1a it doubles while the rate rises, and is linear from there. With signed distances it goes from 30 to 60 during this warm-up, to 120 until the end of stage 1a,
 //! and stays there until stage 3 ([`Stage::with_distances`]). Stages 2 and 3 train all heads and read photos; albedo is compared up to one factor per object. Stage 3 compares numerical normals too, takes samples
@@ -55,6 +58,8 @@ pub struct Stage {
     pub sets: usize,
     /// Smallest and largest strength of the random colour that an object is multiplied by: the largest part that a channel loses.
     pub tint: [f64; 2],
+    /// Largest part of its size that an object gives up for a random place in the box.
+    pub room: f64,
     /// Smallest and largest number of images of a set.
     pub images: [usize; 2],
     /// Steps of a ray along the diagonal.
@@ -93,6 +98,7 @@ impl Stage {
             rise: 100,
             light: [1.0, 0.0, 0.0],
             tint: [0.0, 0.85],
+            room: if name == "1a" { 0.5 } else { 0.0 },
             sets: 2,
             images: [3, 6],
             samples: 64,
@@ -145,6 +151,14 @@ impl Stage {
         self
     }
 
+    /// The stage with another first learning rate; the last one changes with it.
+    #[must_use]
+    pub fn with_rate(mut self, rate: f64) -> Self {
+        let [first, last] = self.rates;
+        self.rates = [rate, rate * (last / first)];
+        self
+    }
+
     /// Checks the ranges.
     ///
     /// # Errors
@@ -157,6 +171,9 @@ impl Stage {
         }
         if self.rates.iter().any(|r| !(0.0..=1.0).contains(r)) {
             return refuse("--rate", "0 to 1", format!("{:?}", self.rates));
+        }
+        if !(0.0..1.0).contains(&self.room) {
+            return refuse("--room", "0 or more, below 1", self.room.to_string());
         }
         for (name, weight) in [("--points", self.points), ("--distances", self.distances)] {
             if !(0.0..=1e4).contains(&weight) {
@@ -215,7 +232,7 @@ impl Stage {
     /// Returns the settings as a flat JSON object.
     pub fn json(&self) -> Value {
         json!({
-            "stage": self.name, "steps": self.steps, "rates": self.rates, "rise": self.rise, "light": self.light, "tint": self.tint,
+            "stage": self.name, "steps": self.steps, "rates": self.rates, "rise": self.rise, "light": self.light, "tint": self.tint, "room": self.room,
             "sets": self.sets, "images": self.images, "samples": self.samples, "inverse_beta": self.inverse_beta, "target": self.target,
             "first_object": self.first_object, "points": self.points, "distances": self.distances,
         })
