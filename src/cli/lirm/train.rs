@@ -84,7 +84,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "X")]
     rate: Option<f64>,
     /// Largest part of its size that an object gives up for a random place in the box [default: that of the stage]
-    #[arg(long, value_name = "X", hide_short_help = true)]
+    #[arg(long, value_name = "X")]
     room: Option<f64>,
     /// What updates the matrices of the blocks; all other arrays have adamw
     #[arg(long, value_name = "NAME", default_value = "adamw", value_parser = choices(OPTIMIZERS))]

@@ -14,7 +14,7 @@ use crate::fit::field::occupied::filled;
 use crate::fit::field::scene::Weights;
 use crate::fit::field::surface::Stencils;
 use crate::fit::field::view::RayList;
-use crate::lirm::model::config::{Config, HALF_SIZE, PATCH};
+use crate::lirm::model::config::{Config, PATCH};
 use crate::lirm::model::transformer::Input;
 use crate::lirm::views::Views;
 use crate::loss::{self, mse};
@@ -87,7 +87,7 @@ fn surface(target: &Target, crop: &Crop, rays: &[([f32; 3], [f32; 3])]) -> Vec<(
 /// The place of an object that is smaller by a factor and, in the room that this leaves, somewhere else in the box.
 fn placed(at: Placement, size: f64, shift: [f64; 3]) -> Placement {
     let scale = at.scale * size;
-    let room = f64::from(HALF_SIZE) - RADIUS * size;
+    let room = RADIUS * (1.0 - size);
     let q = at.rotation;
     // The point that is at the middle of the box, from the object's middle, in the axes of the world.
     let back = |k: usize| ((q[0][k] * shift[0] + q[1][k] * shift[1]) + q[2][k] * shift[2]) * room / scale;
