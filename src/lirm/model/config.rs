@@ -55,7 +55,7 @@ impl Fuse {
 ///
 /// A token of a plane has to find the patches whose rays pass its column of space. The squared distance of a point p from a ray is, but for
 /// a term with (p·d)², |c|² − 2 p·c + |p|²: with c in the token, the product of a query and a key has the second term already. With the moment m, c = d × m is made of
-/// products of coordinates, which layers have to learn first: in trainings of two thousand steps they do not, and such a model hardly uses its cameras
+/// products of coordinates, which layers have to learn first. A replica uses its cameras sooner with c; in the program's own training c alone changed nothing so far
 /// (chapter `small_model` of the book).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Rays {
@@ -320,7 +320,7 @@ impl Config {
             "blocks": self.blocks, "width": self.width, "heads": self.heads, "planes": self.planes,
             "plane_tokens": self.plane_tokens, "embed_tokens": self.embed_tokens, "channels": self.channels,
             "fuse": self.fuse.name(), "pose": self.pose.name(), "first_values": self.first_values.name(), "rays": self.rays.name(),
-            "background": self.background.name(),             "whole": self.is_whole,
+            "background": self.background.name(), "whole": self.is_whole,
         })
     }
 
