@@ -134,6 +134,8 @@ fn controls_break_what_they_name_and_nothing_else() {
         by_hand(&read(&one, &others[1])),
         "the cameras of both objects are equal"
     );
+    assert_eq!(db(Control::AtOnce, 0), by_hand(&one));
+    assert_eq!(db(Control::AtOnce, 1), by_hand(&read(&none, &sets.concat())), "both sets in one round");
     let permuted = |set: &[Input]| -> Vec<Input> {
         let with = |n: usize| Input { rays: set[(n + 1) % set.len()].rays.clone(), ..set[n].clone() };
         (0..set.len()).map(with).collect()
@@ -141,9 +143,15 @@ fn controls_break_what_they_name_and_nothing_else() {
     let one = read(&none, &permuted(&sets[0]));
     assert_eq!(db(Control::PermutedCameras, 0), by_hand(&one), "every image with the rays of the next");
     assert_eq!(db(Control::PermutedCameras, 1), by_hand(&read(&one, &permuted(&sets[1]))));
-    let all = [Control::None, Control::ZeroedState, Control::OtherObject, Control::PermutedCameras];
+    let all = [
+        Control::None,
+        Control::ZeroedState,
+        Control::OtherObject,
+        Control::PermutedCameras,
+        Control::AtOnce,
+    ];
     let second: Vec<f64> = all.into_iter().map(|c| db(c, 1)).collect();
-    assert!((1..4).all(|i| second[i] != second[0]), "each of them shows: {second:?}");
+    assert!((1..all.len()).all(|i| second[i] != second[0]), "each of them shows: {second:?}");
 }
 
 /// The ball from one of its eight cameras, in one colour.
