@@ -170,6 +170,7 @@ const RARE: &[&str] = &[
     "seams",
     "set-render-as",
     "set-size",
+    "shape-only",
     "ssim-weight",
     "strict",
     "subject",

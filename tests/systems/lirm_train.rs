@@ -176,6 +176,7 @@ fn a_stage_goes_on_after_its_first_part() {
         let e = two.stop_after(last).expect_err("made already, or not a step").to_string();
         assert!(e.contains("--until") && e.contains("4 to 40"), "{e}");
     }
+    let shape = Stage { shape_only: true, ..settings("1a", 40).stage.with_distances(1.0) };
     for (name, other) in [
         ("--seed", Settings { seed: 1, ..settings("1a", 40) }),
         ("--steps", settings("1a", 41)),
@@ -183,6 +184,7 @@ fn a_stage_goes_on_after_its_first_part() {
         ("--optimizer", Settings { optimizer: Kind::Muon, ..settings("1a", 40) }),
         ("--rate", Settings { stage: settings("1a", 40).stage.with_rate(1e-3), ..settings("1a", 40) }),
         ("--room", Settings { stage: Stage { room: 0.0, ..settings("1a", 40).stage }, ..settings("1a", 40) }),
+        ("--shape-only", Settings { stage: shape, ..settings("1a", 40) }),
     ] {
         let mut other = Training::new(other, TINY, Some(one.params()), &source).expect("valid");
         let e = other.continue_from(&part).expect_err("another setting").to_string();
@@ -203,6 +205,34 @@ fn it_learns() {
         let mean = |x: &[f32]| x.iter().fold(0.0, |s, x| s + x) / x.len() as f32;
         let [before, after] = [mean(&losses[..10]), mean(&losses[50..])];
         assert!(after < 0.7 * before, "{}: {before} {after}", optimizer.name());
+    }
+}
+
+#[test]
+fn without_renders_it_learns_the_shape_alone() {
+    let source = Kept::new();
+    let mut s = settings("1a", 20);
+    s.stage = Stage { rates: [5e-3, 5e-3], room: 0.0, shape_only: true, ..s.stage.with_distances(60.0) };
+    let mut training = Training::new(s.clone(), TINY, None, &source).expect("valid");
+    let before = training.params().clone();
+    let losses: Vec<f32> = (0..20).map(|i| training.step(i, &mut ()).expect("finite").loss).collect();
+    let mean = |x: &[f32]| x.iter().fold(0.0, |s, x| s + x) / x.len() as f32;
+    assert!(mean(&losses[15..]) < 0.7 * mean(&losses[..5]), "{losses:?}");
+    // An array without a gradient loses 0.05 of the rate in every step.
+    let decay = 20.0 * 0.05 * 5e-3;
+    let moved = |name: &str| {
+        let [a, b] = [&before, training.params()].map(|p| p.get(name).expect("an array"));
+        let pairs = a.iter().zip(b).map(|(a, b)| (f64::from(*a) - f64::from(*b)).abs() / f64::from(a.abs()));
+        pairs.fold(0.0, order::max)
+    };
+    for name in ["heads/color/0", "heads/normal/0"] {
+        assert!(moved(name) < 1.01 * decay, "{name} decays: {}", moved(name));
+    }
+    assert!(moved("heads/sdf/0") > 2.0 * decay, "{}", moved("heads/sdf/0"));
+    for (distances, points) in [(0.0, 0.0), (60.0, 10.0)] {
+        let stage = Stage { distances, points, ..s.stage.clone() };
+        let e = stage.validate().expect_err("nothing to compare, or renders").to_string();
+        assert!(e.contains("--shape-only") && e.contains("--distances"), "{e}");
     }
 }
 

@@ -41,6 +41,9 @@ pub struct Part {
     pub points: f32,
     /// Weight of signed distances.
     pub distances: f32,
+    /// Whether signed distances were all that was compared.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub shape_only: bool,
     /// 1/β in the last step.
     pub inverse_beta: f32,
     /// Digest of the weights that it began with.
@@ -50,6 +53,12 @@ pub struct Part {
 /// The optimiser of files that do not name it.
 fn adamw() -> String {
     "adamw".to_owned()
+}
+
+/// Files do not name what is not so.
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde's form")]
+fn is_false(is: &bool) -> bool {
+    !*is
 }
 
 impl Part {
@@ -122,6 +131,7 @@ mod tests {
             room: None,
             points: 0.0,
             distances: 0.1,
+            shape_only: false,
             inverse_beta,
             start: "0123".to_owned(),
         }

@@ -53,16 +53,23 @@ pub(super) struct Object {
     pub(super) placement: Placement,
 }
 
-/// A render with the cotangents of its values.
+/// The loss of a field, and the cotangents of what it compares.
 #[derive(Debug)]
 pub(super) struct Drawn {
     pub(super) loss: f32,
+    /// The crops; none if only the shape is compared.
+    render: Option<Render>,
+    distances_bar: Vec<f32>,
+}
+
+/// Rendered crops with the cotangents of their values.
+#[derive(Debug)]
+struct Render {
     plan: Plan,
     out: render::Out,
     values_bar: Vec<f32>,
     opacity_bar: Vec<f32>,
     points_bar: Vec<[f32; 3]>,
-    distances_bar: Vec<f32>,
     /// Rays whose numerical normals are compared, and the cotangents of these.
     surface: AtSurface,
     normals_bar: Vec<[f32; 3]>,
@@ -123,11 +130,12 @@ impl Object {
         let sets = choice.sets.iter().map(set).collect::<Result<Vec<Vec<Input>>>>()?;
         let centers: Vec<[f32; 3]> = all.all.iter().map(|v| v.picture.camera.center()).collect();
         let [side, crop] = draws.stage.target;
-        let seen = chosen(&choice.targets(&centers, CROPS)).small(SIDE / side)?;
+        let count = if draws.stage.shape_only { 0 } else { CROPS };
+        let seen = chosen(&choice.targets(&centers, count)).small(SIDE / side)?;
         let targets: Vec<Target> = (0..seen.all.len()).map(|i| seen.target(i)).collect();
         let step = u32::try_from(step).expect("a training has fewer steps");
         let seed = Rng::new(draws.seed).derive(j as u64, step, PURPOSE);
-        let crops = crops::draw(&targets, seed, 0, CROPS, crop);
+        let crops = crops::draw(&targets, seed, 0, count, crop);
         let (mut rays, mut points) = (RayList::default(), Vec::new());
         for crop in &crops {
             let (target, first) = (&targets[crop.view], rays.origins.len());
@@ -140,8 +148,23 @@ impl Object {
         Ok(Self { sets, targets, crops, rays, surface: points, distances: near, placement: at })
     }
 
-    /// Renders the crops of a field and compares them.
+    /// Compares a field with the object: its signed distances, and its crops unless only the shape counts.
     pub(super) fn losses(&self, field: &Field, weight: f32, stage: &Stage) -> Result<Drawn> {
+        let own = weight * stage.distances;
+        let (sdf, distances_bar) = self.distances.compare(field, own)?;
+        if stage.shape_only {
+            return Ok(Drawn { loss: sdf, render: None, distances_bar });
+        }
+        let (mut loss, mut render) = self.render(field, weight, stage)?;
+        loss += sdf;
+        if stage.is_last {
+            loss += self.compare_normals(field, weight, &mut render)?;
+        }
+        Ok(Drawn { loss, render: Some(render), distances_bar })
+    }
+
+    /// Renders the crops of a field and compares them.
+    fn render(&self, field: &Field, weight: f32, stage: &Stage) -> Result<(f32, Render)> {
         let weights = Weights::of(field);
         let scene = weights.scene(self.rays.borrowed());
         let intervals = match stage.is_last {
@@ -160,37 +183,23 @@ impl Object {
         }
         let (values_bar, opacity_bar) = (rendered.values_bar, rendered.opacity_bar);
         let (distance, points_bar) = self.compare_points(&out, [weight, stage.points])?;
-        let own = weight * stage.distances;
-        let (sdf, distances_bar) = self.distances.compare(field, own)?;
-        let mut drawn = Drawn {
-            loss: (loss + distance) + sdf,
-            plan,
-            out,
-            values_bar,
-            opacity_bar,
-            points_bar,
-            distances_bar,
-            surface: AtSurface::default(),
-            normals_bar: Vec::new(),
-        };
-        if stage.is_last {
-            self.compare_normals(field, weight, &mut drawn)?;
-        }
-        Ok(drawn)
+        loss += distance;
+        let (surface, normals_bar) = (AtSurface::default(), Vec::new());
+        Ok((loss, Render { plan, out, values_bar, opacity_bar, points_bar, surface, normals_bar }))
     }
 
-    /// Adds the loss of numerical normals at the surface.
-    fn compare_normals(&self, field: &Field, weight: f32, drawn: &mut Drawn) -> Result<()> {
-        let surface = AtSurface::of(&self.targets, &self.crops, &drawn.out);
+    /// The loss of numerical normals at the surface.
+    fn compare_normals(&self, field: &Field, weight: f32, render: &mut Render) -> Result<f32> {
+        let surface = AtSurface::of(&self.targets, &self.crops, &render.out);
         if surface.rays.is_empty() {
-            return Ok(());
+            return Ok(0.0);
         }
         let normals = Stencils::at(field, &surface.points).normals;
-        drawn.normals_bar = vec![[0.0; 3]; normals.len()];
-        let bar = &mut drawn.normals_bar;
-        drawn.loss += surface.compare(&self.targets, &self.crops, &normals, weight * NORMALS, bar)?;
-        drawn.surface = surface;
-        Ok(())
+        render.normals_bar = vec![[0.0; 3]; normals.len()];
+        let bar = &mut render.normals_bar;
+        let loss = surface.compare(&self.targets, &self.crops, &normals, weight * NORMALS, bar)?;
+        render.surface = surface;
+        Ok(loss)
     }
 
     /// The mean squared distance between the surface points of the rays and the true ones, plus that along the optical axes, where a ray is
@@ -232,18 +241,18 @@ impl Object {
         let weights = Weights::of(field);
         let scene = weights.scene(self.rays.borrowed());
         let mut bar = InBar::zeros_like(&scene);
-        let out_bar = OutBar {
-            values: &drawn.values_bar,
-            opacity: &drawn.opacity_bar,
-            points: &drawn.points_bar,
-            ..OutBar::default()
-        };
-        render::adjoint(&scene, &drawn.plan, &drawn.out, &out_bar, CHUNK, &mut bar);
+        if let Some(Render { plan, out, values_bar, opacity_bar, points_bar, .. }) = &drawn.render {
+            let out_bar =
+                OutBar { values: values_bar, opacity: opacity_bar, points: points_bar, ..OutBar::default() };
+            render::adjoint(&scene, plan, out, &out_bar, CHUNK, &mut bar);
+        }
         self.distances.pull(field, &drawn.distances_bar, &mut bar);
-        if !drawn.normals_bar.is_empty() {
-            let stencils = Stencils::at(field, &drawn.surface.points);
-            let zeros = vec![[0.0; 3]; drawn.normals_bar.len()];
-            stencils.pull(&zeros, &drawn.normals_bar, &mut bar.planes, &mut bar.heads.sdf);
+        if let Some(Render { surface, normals_bar, .. }) = &drawn.render
+            && !normals_bar.is_empty()
+        {
+            let stencils = Stencils::at(field, &surface.points);
+            let zeros = vec![[0.0; 3]; normals_bar.len()];
+            stencils.pull(&zeros, normals_bar, &mut bar.planes, &mut bar.heads.sdf);
         }
         bar
     }
@@ -319,7 +328,8 @@ mod tests {
         let last = Stage { is_last: true, ..sharp.clone() };
         let (object, field) = made(&last);
         let [with, without] = [&last, &sharp].map(|s| object.losses(&field, 1.0, s).expect("finite"));
-        assert!(!with.surface.rays.is_empty(), "some rays are opaque");
+        let opaque = with.render.as_ref().map_or(0, |render| render.surface.rays.len());
+        assert!(opaque > 0, "some rays are opaque");
         assert!(with.loss > without.loss + 1e-4, "{} {}", with.loss, without.loss);
         let [g, h] = [&with, &without].map(|drawn| object.pull(&field, drawn).planes);
         assert_ne!(g, h);

@@ -12,6 +12,9 @@
 //! In stage 1a an object has in every step a random size, from half of its size on, and a random place in the room that this leaves in the box (column `room` of the record: 0.5). Where it is, only the cameras
 //! show. Otherwise all objects are in the middle of the box, and models learn how tall and wide an object is before they learn to use cameras (chapter `small_model` of the book).
 //!
+//! With `--shape-only` a stage compares signed distances and renders nothing. Rendered losses have a gradient at a third of the pixels of four crops, and signed distances at thousands of points
+//! of the box: a training that begins without renders uses its cameras sooner (chapter `small_model`), and a step of it takes two thirds of the time.
+//!
 //! The rate rises linearly over the first hundred steps (twenty in stage 3) to the first number, and falls along a cosine to the second. 1/β is
 //! linear; in stage 1a it doubles while the rate rises, and is linear from there. With signed distances it goes from 30 to 60 during this warm-up, to 120 until the end of stage 1a,
 //! and stays there until stage 3 ([`Stage::with_distances`]). Stages 2 and 3 train all heads and read photos; albedo is compared up to one factor per object. Stage 3 compares numerical normals too, takes samples
@@ -80,6 +83,8 @@ pub struct Stage {
     pub points: f32,
     /// Weight of the squared error of the signed distance at points around the surface; 0 removes it.
     pub distances: f32,
+    /// Whether signed distances are all that is compared: nothing is rendered, and the heads of colours and normals stay as they are.
+    pub shape_only: bool,
 }
 
 /// Names of the stages, in order.
@@ -110,6 +115,7 @@ impl Stage {
             first_object,
             points: 0.0,
             distances: 0.0,
+            shape_only: false,
         };
         let whole = |steps, rates, inverse_beta, first_object| Self {
             light: [0.25, 0.375, 0.375],
@@ -180,6 +186,14 @@ impl Stage {
                 return refuse(name, "0 to 10 000", weight.to_string());
             }
         }
+        if self.shape_only && !(self.distances > 0.0 && self.points == 0.0) {
+            let got = format!("--distances {} and --points {}", self.distances, self.points);
+            return refuse(
+                "--shape-only",
+                "a weight of --distances, and no --points, which are rendered",
+                got,
+            );
+        }
         let [few, many] = self.images;
         if self.sets == 0 || few == 0 || few > many || self.sets * many > VIEWS {
             let got = format!("{} of {few} to {many}", self.sets);
@@ -231,11 +245,16 @@ impl Stage {
 
     /// Returns the settings as a flat JSON object.
     pub fn json(&self) -> Value {
-        json!({
+        let mut all = json!({
             "stage": self.name, "steps": self.steps, "rates": self.rates, "rise": self.rise, "light": self.light, "tint": self.tint, "room": self.room,
             "sets": self.sets, "images": self.images, "samples": self.samples, "inverse_beta": self.inverse_beta, "target": self.target,
             "first_object": self.first_object, "points": self.points, "distances": self.distances,
-        })
+        });
+        // Runs that began before it existed go on.
+        if self.shape_only {
+            all["shape_only"] = json!(true);
+        }
+        all
     }
 }
 
