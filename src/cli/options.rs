@@ -170,7 +170,7 @@ const RARE: &[&str] = &[
     "seams",
     "set-render-as",
     "set-size",
-    "shape-only",
+    "shape-steps",
     "ssim-weight",
     "strict",
     "subject",

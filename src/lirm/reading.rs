@@ -79,6 +79,12 @@ pub fn inputs(views: &Views, config: &Config) -> Result<Vec<Input>> {
 }
 
 impl Ready<'_> {
+    /// The state after one more set of images, in the axes of a placement.
+    pub fn read_views(&self, state: &[f32], views: &[View], at: &Placement) -> Vec<f32> {
+        let inputs: Vec<Input> = views.iter().map(|view| Input::of(view, at, &self.config)).collect();
+        self.read(state, &inputs, None).0
+    }
+
     /// Reads sets of images one after the other; returns the last state, and how much each set has changed it ([`change`]).
     pub fn read_all(&self, state: &[f32], sets: &[Vec<Input>]) -> (Vec<f32>, Vec<f64>) {
         let (mut state, mut changes) = (state.to_vec(), Vec::with_capacity(sets.len()));

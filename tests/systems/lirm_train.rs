@@ -176,7 +176,7 @@ fn a_stage_goes_on_after_its_first_part() {
         let e = two.stop_after(last).expect_err("made already, or not a step").to_string();
         assert!(e.contains("--until") && e.contains("4 to 40"), "{e}");
     }
-    let shape = Stage { shape_only: true, ..settings("1a", 40).stage.with_distances(1.0) };
+    let shape = Stage { shape_steps: 40, ..settings("1a", 40).stage.with_distances(1.0) };
     for (name, other) in [
         ("--seed", Settings { seed: 1, ..settings("1a", 40) }),
         ("--steps", settings("1a", 41)),
@@ -184,7 +184,7 @@ fn a_stage_goes_on_after_its_first_part() {
         ("--optimizer", Settings { optimizer: Kind::Muon, ..settings("1a", 40) }),
         ("--rate", Settings { stage: settings("1a", 40).stage.with_rate(1e-3), ..settings("1a", 40) }),
         ("--room", Settings { stage: Stage { room: 0.0, ..settings("1a", 40).stage }, ..settings("1a", 40) }),
-        ("--shape-only", Settings { stage: shape, ..settings("1a", 40) }),
+        ("--shape-steps", Settings { stage: shape, ..settings("1a", 40) }),
     ] {
         let mut other = Training::new(other, TINY, Some(one.params()), &source).expect("valid");
         let e = other.continue_from(&part).expect_err("another setting").to_string();
@@ -212,7 +212,7 @@ fn it_learns() {
 fn without_renders_it_learns_the_shape_alone() {
     let source = Kept::new();
     let mut s = settings("1a", 20);
-    s.stage = Stage { rates: [5e-3, 5e-3], room: 0.0, shape_only: true, ..s.stage.with_distances(60.0) };
+    s.stage = Stage { rates: [5e-3, 5e-3], room: 0.0, shape_steps: 20, ..s.stage.with_distances(60.0) };
     let mut training = Training::new(s.clone(), TINY, None, &source).expect("valid");
     let before = training.params().clone();
     let losses: Vec<f32> = (0..20).map(|i| training.step(i, &mut ()).expect("finite").loss).collect();
@@ -229,11 +229,16 @@ fn without_renders_it_learns_the_shape_alone() {
         assert!(moved(name) < 1.01 * decay, "{name} decays: {}", moved(name));
     }
     assert!(moved("heads/sdf/0") > 2.0 * decay, "{}", moved("heads/sdf/0"));
-    for (distances, points) in [(0.0, 0.0), (60.0, 10.0)] {
-        let stage = Stage { distances, points, ..s.stage.clone() };
-        let e = stage.validate().expect_err("nothing to compare, or renders").to_string();
-        assert!(e.contains("--shape-only") && e.contains("--distances"), "{e}");
+    for (distances, shape_steps) in [(0.0, 20), (60.0, 21)] {
+        let stage = Stage { distances, shape_steps, ..s.stage.clone() };
+        let e = stage.validate().expect_err("nothing to compare, or more than all steps").to_string();
+        assert!(e.contains("--shape-steps"), "{e}");
     }
+    let later = Stage { shape_steps: 1, ..s.stage.clone() };
+    let mut training = Training::new(Settings { stage: later, ..s }, TINY, None, &source).expect("valid");
+    let [first, second] = [0, 1].map(|i| training.step(i, &mut ()).expect("finite").loss);
+    assert_eq!(first, losses[0]);
+    assert!(second > losses[1] + 0.3, "with renders: {second} {}", losses[1]);
 }
 
 #[test]

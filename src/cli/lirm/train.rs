@@ -80,9 +80,9 @@ pub(crate) struct Args {
     /// of stage 1a and later
     #[arg(long, value_name = "X", default_value_t = 0.0)]
     distances: f32,
-    /// Compare signed distances alone: nothing is rendered, and colours and normals are not learned
-    #[arg(long)]
-    shape_only: bool,
+    /// Steps at the beginning that compare signed distances alone: nothing is rendered, and colours and normals are not learned
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    shape_steps: u32,
     /// Learning rate after the warm-up; the last one changes with it [default: that of the stage]
     #[arg(long, value_name = "X")]
     rate: Option<f64>,
@@ -122,7 +122,7 @@ impl Args {
         }
         stage.room = self.room.unwrap_or(stage.room);
         stage.points = self.points;
-        stage.shape_only = self.shape_only;
+        stage.shape_steps = self.shape_steps as usize;
         stage = stage.with_distances(self.distances);
         stage.validate()?;
         Ok(Settings {

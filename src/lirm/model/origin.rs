@@ -41,9 +41,9 @@ pub struct Part {
     pub points: f32,
     /// Weight of signed distances.
     pub distances: f32,
-    /// Whether signed distances were all that was compared.
-    #[serde(default, skip_serializing_if = "is_false")]
-    pub shape_only: bool,
+    /// Steps at the beginning of the stage in which signed distances were all that was compared.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub shape_steps: usize,
     /// 1/β in the last step.
     pub inverse_beta: f32,
     /// Digest of the weights that it began with.
@@ -55,10 +55,10 @@ fn adamw() -> String {
     "adamw".to_owned()
 }
 
-/// Files do not name what is not so.
+/// Files do not have a number of steps that is 0.
 #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde's form")]
-fn is_false(is: &bool) -> bool {
-    !*is
+fn is_zero(n: &usize) -> bool {
+    *n == 0
 }
 
 impl Part {
@@ -131,7 +131,7 @@ mod tests {
             room: None,
             points: 0.0,
             distances: 0.1,
-            shape_only: false,
+            shape_steps: 0,
             inverse_beta,
             start: "0123".to_owned(),
         }

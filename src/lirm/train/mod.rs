@@ -183,7 +183,7 @@ impl<'a> Training<'a> {
             ("objects", json!(part.source), json!(own.source)),
             ("--rate", json!(part.rate), json!(own.rate)),
             ("--room", json!(part.room), json!(own.room)),
-            ("--shape-only", json!(part.shape_only), json!(own.shape_only)),
+            ("--shape-steps", json!(part.shape_steps), json!(own.shape_steps)),
             ("--points", text(part.points), text(own.points)),
             ("--distances", text(part.distances), text(own.distances)),
         ];
@@ -215,7 +215,7 @@ impl<'a> Training<'a> {
             room: differs(s.stage.room, |named| named.room),
             points: s.stage.points,
             distances: s.stage.distances,
-            shape_only: s.stage.shape_only,
+            shape_steps: s.stage.shape_steps,
             inverse_beta: s.stage.look(self.range[1].saturating_sub(1)).inverse_beta,
             start: self.start.clone(),
         }

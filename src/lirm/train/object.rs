@@ -43,6 +43,8 @@ const CHUNK: usize = 1024;
 pub(super) struct Object {
     /// Input images of every set.
     pub(super) sets: Vec<Vec<Input>>,
+    /// Whether signed distances are all that is compared; then there are no crops.
+    shape_only: bool,
     targets: Vec<Target>,
     crops: Vec<Crop>,
     rays: RayList,
@@ -130,7 +132,8 @@ impl Object {
         let sets = choice.sets.iter().map(set).collect::<Result<Vec<Vec<Input>>>>()?;
         let centers: Vec<[f32; 3]> = all.all.iter().map(|v| v.picture.camera.center()).collect();
         let [side, crop] = draws.stage.target;
-        let count = if draws.stage.shape_only { 0 } else { CROPS };
+        let shape_only = step < draws.stage.shape_steps;
+        let count = if shape_only { 0 } else { CROPS };
         let seen = chosen(&choice.targets(&centers, count)).small(SIDE / side)?;
         let targets: Vec<Target> = (0..seen.all.len()).map(|i| seen.target(i)).collect();
         let step = u32::try_from(step).expect("a training has fewer steps");
@@ -145,14 +148,14 @@ impl Object {
                 points.extend(surface(target, crop, &own.collect::<Vec<_>>()));
             }
         }
-        Ok(Self { sets, targets, crops, rays, surface: points, distances: near, placement: at })
+        Ok(Self { sets, shape_only, targets, crops, rays, surface: points, distances: near, placement: at })
     }
 
     /// Compares a field with the object: its signed distances, and its crops unless only the shape counts.
     pub(super) fn losses(&self, field: &Field, weight: f32, stage: &Stage) -> Result<Drawn> {
         let own = weight * stage.distances;
         let (sdf, distances_bar) = self.distances.compare(field, own)?;
-        if stage.shape_only {
+        if self.shape_only {
             return Ok(Drawn { loss: sdf, render: None, distances_bar });
         }
         let (mut loss, mut render) = self.render(field, weight, stage)?;

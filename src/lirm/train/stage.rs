@@ -12,7 +12,7 @@
 //! In stage 1a an object has in every step a random size, from half of its size on, and a random place in the room that this leaves in the box (column `room` of the record: 0.5). Where it is, only the cameras
 //! show. Otherwise all objects are in the middle of the box, and models learn how tall and wide an object is before they learn to use cameras (chapter `small_model` of the book).
 //!
-//! With `--shape-only` a stage compares signed distances and renders nothing. Rendered losses have a gradient at a third of the pixels of four crops, and signed distances at thousands of points
+//! In its first `--shape-steps` a stage compares signed distances and renders nothing. Rendered losses have a gradient at a third of the pixels of four crops, and signed distances at thousands of points
 //! of the box: a training that begins without renders uses its cameras sooner (chapter `small_model`), and a step of it takes two thirds of the time.
 //!
 //! The rate rises linearly over the first hundred steps (twenty in stage 3) to the first number, and falls along a cosine to the second. 1/β is
@@ -83,8 +83,8 @@ pub struct Stage {
     pub points: f32,
     /// Weight of the squared error of the signed distance at points around the surface; 0 removes it.
     pub distances: f32,
-    /// Whether signed distances are all that is compared: nothing is rendered, and the heads of colours and normals stay as they are.
-    pub shape_only: bool,
+    /// Steps at the beginning in which signed distances are all that is compared: nothing is rendered, and the heads of colours and normals only decay.
+    pub shape_steps: usize,
 }
 
 /// Names of the stages, in order.
@@ -115,7 +115,7 @@ impl Stage {
             first_object,
             points: 0.0,
             distances: 0.0,
-            shape_only: false,
+            shape_steps: 0,
         };
         let whole = |steps, rates, inverse_beta, first_object| Self {
             light: [0.25, 0.375, 0.375],
@@ -186,13 +186,11 @@ impl Stage {
                 return refuse(name, "0 to 10 000", weight.to_string());
             }
         }
-        if self.shape_only && !(self.distances > 0.0 && self.points == 0.0) {
-            let got = format!("--distances {} and --points {}", self.distances, self.points);
-            return refuse(
-                "--shape-only",
-                "a weight of --distances, and no --points, which are rendered",
-                got,
-            );
+        if self.shape_steps > self.steps {
+            return refuse("--shape-steps", "at most the steps of the stage", self.shape_steps.to_string());
+        }
+        if self.shape_steps > 0 && self.distances == 0.0 {
+            return refuse("--shape-steps", "a weight of --distances", "none".to_owned());
         }
         let [few, many] = self.images;
         if self.sets == 0 || few == 0 || few > many || self.sets * many > VIEWS {
@@ -251,8 +249,8 @@ impl Stage {
             "first_object": self.first_object, "points": self.points, "distances": self.distances,
         });
         // Runs that began before it existed go on.
-        if self.shape_only {
-            all["shape_only"] = json!(true);
+        if self.shape_steps > 0 {
+            all["shape_steps"] = json!(self.shape_steps);
         }
         all
     }

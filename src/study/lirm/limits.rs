@@ -12,7 +12,6 @@ use crate::fit::field::{Target, view};
 use crate::fit::training::Watch;
 use data_gen::{cameras, objects};
 use lastlight_lirm::evaluate::SET;
-use lastlight_lirm::model::transformer::Input;
 use lastlight_lirm::model::weights::Ready;
 use lastlight_lirm::views::Views;
 use serde_json::Value;
@@ -96,8 +95,7 @@ impl Experiment for Limits<'_> {
         let mut state = ready.no_state();
         for set in protocol.inputs.chunks(SET) {
             let small: Views = views.chosen(set).small(p.set.size / INPUT)?;
-            let inputs: Vec<Input> = small.all.iter().map(|v| Input::of(v, &at, &model.config)).collect();
-            state = ready.read(&state, &inputs, None).0;
+            state = ready.read_views(&state, &small.all, &at);
         }
         let field = ready.decode(&state, p.look, at);
         let cells = view::occupancy(&field)?;

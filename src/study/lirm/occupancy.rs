@@ -10,7 +10,6 @@ use crate::scene::camera::Camera;
 use data_gen::cameras;
 use lastlight_lirm::evaluate::{SET, settings};
 use lastlight_lirm::model::decode::Look;
-use lastlight_lirm::model::transformer::Input;
 use lastlight_lirm::model::weights::Ready;
 use serde_json::{Value, json};
 use std::sync::atomic::AtomicBool;
@@ -67,9 +66,8 @@ impl Experiment for Occupied<'_> {
         let protocol = cameras::test(SEED, k, set.size);
         let at = views.posed(model.config.pose, &protocol.inputs[..SET])?;
         let small = views.chosen(&protocol.inputs[..SET]).small(set.size / INPUT)?;
-        let inputs: Vec<Input> = small.all.iter().map(|v| Input::of(v, &at, &model.config)).collect();
         let ready = Ready::new(model.config, &model.params);
-        let (state, _) = ready.read(&ready.no_state(), &inputs, None);
+        let state = ready.read_views(&ready.no_state(), &small.all, &at);
         let steps = Ord::min(STEPS, 8 * self.setup.size.steps);
         let usual = Look::of_field(steps, self.setup.protocol(model, "uniform").look.inverse_beta);
         let look = if with_grid { usual } else { Look { early_stop: None, ..usual } };

@@ -15,7 +15,6 @@ use crate::fit::training::Watch;
 use crate::shade::render::Settings as Tracing;
 use data_gen::cameras;
 use lastlight_lirm::evaluate::{SET, settings};
-use lastlight_lirm::model::transformer::Input;
 use lastlight_lirm::model::weights::Ready;
 use lastlight_lirm::subject::Light;
 use lastlight_lirm::views::Views;
@@ -78,8 +77,7 @@ impl Experiment for Relit<'_> {
         let mut state = ready.no_state();
         for which in protocol.inputs.chunks(SET).take(SETS) {
             let small = views.chosen(which).small(set.size / INPUT)?;
-            let inputs: Vec<Input> = small.all.iter().map(|v| Input::of(v, &at, &model.config)).collect();
-            state = ready.read(&state, &inputs, None).0;
+            state = ready.read_views(&state, &small.all, &at);
         }
         let field = ready.decode(&state, self.setup.protocol(model, VERSION).look, at);
         let cells = view::occupancy(&field)?;

@@ -11,7 +11,6 @@ use crate::scene::camera::Model;
 use data_gen::cameras;
 use lastlight_lirm::evaluate::{self, SET, settings};
 use lastlight_lirm::r#gen::{Set, Settings};
-use lastlight_lirm::model::transformer::Input;
 use lastlight_lirm::model::weights::Ready;
 use lastlight_lirm::views::Views;
 use serde_json::{Value, json};
@@ -64,8 +63,7 @@ impl Experiment for Added<'_> {
         let at = before.posed(model.config.pose, &protocol.inputs[..SET])?;
         let read = |state: &[f32], of: &Views, which: &[usize]| -> Result<Vec<f32>> {
             let small = of.chosen(which).small(set.size / INPUT)?;
-            let inputs: Vec<Input> = small.all.iter().map(|v| Input::of(v, &at, &model.config)).collect();
-            Ok(ready.read(state, &inputs, None).0)
+            Ok(ready.read_views(state, &small.all, &at))
         };
         let states = {
             let one = read(&ready.no_state(), &before, &protocol.inputs[..SET])?;
@@ -167,8 +165,7 @@ impl Experiment for Head<'_> {
         let mut state = ready.no_state();
         let mut rounds = Vec::new();
         for set in seen.all.chunks(SET) {
-            let inputs: Vec<Input> = set.iter().map(|v| Input::of(v, &at, &model.config)).collect();
-            state = ready.read(&state, &inputs, None).0;
+            state = ready.read_views(&state, set, &at);
             rounds.push(evaluate::state(&ready, &p, (&state, at), k, &truth)?);
         }
         watch.lap("scores");

@@ -19,7 +19,6 @@ use data_gen::cameras;
 use lastlight_lirm::evaluate::{self, SET};
 use lastlight_lirm::model::config::Config;
 use lastlight_lirm::model::decode::Look;
-use lastlight_lirm::model::transformer::Input;
 use lastlight_lirm::model::weights::Ready;
 use lastlight_lirm::train::optimizer;
 use lastlight_lirm::train::source::Rendered;
@@ -158,15 +157,12 @@ impl Experiment for Variants<'_> {
             let views = self.setup.object(k, VERSION)?;
             let inputs = cameras::test(SEED, k, SIDES[1]).inputs;
             let at = views.posed(kind.config.pose, &inputs[..SET])?;
-            let read = |which: &[usize]| -> Result<Vec<Input>> {
-                let small = views.chosen(which).small(SIDES[1] / SIDES[0])?;
-                Ok(small.all.iter().map(|v| Input::of(v, &at, training.config())).collect())
-            };
             let mut state = ready.no_state();
             for set in 0..SETS {
                 let own = if kind.updates { SET * set } else { 0 };
                 let from = if kind.updates { state } else { ready.no_state() };
-                state = ready.read(&from, &read(&inputs[own..SET * (set + 1)])?, None).0;
+                let small = views.chosen(&inputs[own..SET * (set + 1)]).small(SIDES[1] / SIDES[0])?;
+                state = ready.read_views(&from, &small.all, &at);
                 let numbers = evaluate::state(&ready, &p, (&state, at), k, &views)?;
                 values.insert(format!("psnr_db_{}_{k:03}", set + 1), numbers["psnr_db"]);
             }
