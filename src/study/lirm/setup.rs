@@ -36,7 +36,7 @@ pub struct Size {
 impl Size {
     /// Sizes of the complete study.
     pub fn full() -> Self {
-        Self { objects: 24, samples: 64, outputs: 12, steps: 128, training: [2500, 4, 100] }
+        Self { objects: 24, samples: 64, outputs: 12, steps: 128, training: [1250, 8, 100] }
     }
 
     /// Sizes for a quick overview.

@@ -8,7 +8,8 @@
 //! | no update | one set of 4 to 12 images per object instead of 1 or 2 of 3 to 6 |
 //! | hexa NDE, second seed | other first values and draws |
 //!
-//! All are trained on all heads, under the light and with the colours of stage 2, by the recipe of the included weights (signed distances with 1/β from 30 to 120, Muon, batches of four), and scored on the smoother version of unseen objects after 4, 8 and 12 images: in
+//! All are trained under the light and with the colours of stage 2: on signed distances alone in the first half of the steps (a training that begins with renders hardly uses its cameras, chapter `small_model`
+//! of the book), then on all heads too. 1/β goes from 30 to 120; Muon, batches of eight, objects of random size and place in the box as in stage 1a. They are scored on the smoother version of unseen objects after 4, 8 and 12 images: in
 //! sets of four, without update in one set. A cell is one training; its values name the objects, so that differences are paired by object.
 
 use super::setup::{SEED, Setup, shown};
@@ -79,7 +80,8 @@ impl Variants<'_> {
         let stage = Stage {
             name: "variant".into(),
             steps,
-            rates: [5e-4, 2e-5],
+            rates: [1e-3, 4e-5],
+            shape_steps: steps / 2,
             light: later.light,
             tint: later.tint,
             sets: if kind.updates { 2 } else { 1 },
