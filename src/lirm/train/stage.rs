@@ -1,15 +1,15 @@
 //! What a stage of a training is.
 //!
-//! | stage | light | tint | sets | samples | 1/β | target, crop | steps | rate |
-//! |---|---|---|---|---|---|---|---|---|
-//! | 1a | white dome | 0–0.85 | 1–2 | 64 | 10 → 40 | 64², 32² | 2 200 | 5·10⁻⁴ → 3.5·10⁻⁴ |
-//! | 1b | white dome | 0–0.85 | 1–2 | 64 | 40 → 60 | 64², 32² | 2 200 | 3.5·10⁻⁴ → 1.2·10⁻⁴ |
-//! | 1c | white dome | 0–0.85 | 1–2 | 64 | 60 | 64², 32² | 1 800 | 1.2·10⁻⁴ → 2·10⁻⁵ |
-//! | 2a | ⅜ map, ⅜ shiny, ¼ dome | 0–0.6 | 1–3 | 96 | 60 → 80 | 128², 32² | 800 | 2·10⁻⁴ → 6·10⁻⁵ |
-//! | 2b | the same | 0–0.6 | 1–3 | 96 | 80 → 100 | 128², 32² | 800 | 6·10⁻⁵ → 10⁻⁶ |
-//! | 3 | the same | 0–0.6 | 1–3 | 128 | 100 → 125 | 128², 48² | 400 | 2·10⁻⁵ → 0 |
+//! | stage | light | tint | room | sets | samples | 1/β | target, crop | steps | rate |
+//! |---|---|---|---|---|---|---|---|---|---|
+//! | 1a | white dome | 0–0.85 | 0.5 | 1–2 | 64 | 10 → 40 | 64², 32² | 2 200 | 5·10⁻⁴ → 3.5·10⁻⁴ |
+//! | 1b | white dome | 0–0.85 | 0 | 1–2 | 64 | 40 → 60 | 64², 32² | 2 200 | 3.5·10⁻⁴ → 1.2·10⁻⁴ |
+//! | 1c | white dome | 0–0.85 | 0 | 1–2 | 64 | 60 | 64², 32² | 1 800 | 1.2·10⁻⁴ → 2·10⁻⁵ |
+//! | 2a | ⅜ map, ⅜ shiny, ¼ dome | 0–0.6 | 0 | 1–3 | 96 | 60 → 80 | 128², 32² | 800 | 2·10⁻⁴ → 6·10⁻⁵ |
+//! | 2b | the same | 0–0.6 | 0 | 1–3 | 96 | 80 → 100 | 128², 32² | 800 | 6·10⁻⁵ → 10⁻⁶ |
+//! | 3 | the same | 0–0.6 | 0 | 1–3 | 128 | 100 → 125 | 128², 48² | 400 | 2·10⁻⁵ → 0 |
 //!
-//! In stage 1a an object has in every step a random size, from half of its size on, and a random place in the room that this leaves in the box (column `room` of the record: 0.5). Where it is, only the cameras
+//! In stage 1a an object has in every step a random size, from half of its size on, and a random place in the room that this leaves in the box (`--room`: the largest part of its size that it gives up). Where it is, only the cameras
 //! show. Otherwise all objects are in the middle of the box, and models learn how tall and wide an object is before they learn to use cameras (chapter `small_model` of the book).
 //!
 //! In its first `--shape-steps` a stage compares signed distances and renders nothing. Rendered losses have a gradient at a third of the pixels of four crops, and signed distances at thousands of points
