@@ -78,10 +78,13 @@ fn every_kind_of_stage_has_one_digest() {
         Settings { stage, ..own }
     };
     let muon = Settings { optimizer: Kind::Muon, ..settings("1a", 5) };
+    let distances = compared(0.0, 10.0);
+    let shape = Settings { stage: Stage { shape_steps: 3, ..distances.stage.clone() }, ..distances.clone() };
     let kinds = [
         ("1a", settings("1a", 5)),
         ("1a with surface points", compared(10.0, 0.0)),
-        ("1a with signed distances", compared(0.0, 10.0)),
+        ("1a with signed distances", distances),
+        ("1a with signed distances alone in three steps", shape),
         ("1a with Muon", muon),
         ("2a", settings("2a", 5)),
         ("3", settings("3", 5)),
@@ -102,7 +105,7 @@ fn every_kind_of_stage_has_one_digest() {
     all.push(of(Settings { seed: 1, ..settings("1a", 5) }));
     all.sort();
     all.dedup();
-    assert_eq!(all.len(), 7, "each kind has other weights, and so have other draws");
+    assert_eq!(all.len(), 8, "each kind has other weights, and so have other draws");
 }
 
 #[test]

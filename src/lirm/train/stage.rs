@@ -12,8 +12,8 @@
 //! In stage 1a an object has in every step a random size, from half of its size on, and a random place in the room that this leaves in the box (`--room`: the largest part of its size that it gives up). Where it is, only the cameras
 //! show. Otherwise all objects are in the middle of the box, and models learn how tall and wide an object is before they learn to use cameras (chapter `small_model` of the book).
 //!
-//! In its first `--shape-steps` a stage compares signed distances and renders nothing. Rendered losses have a gradient at a third of the pixels of four crops, and signed distances at thousands of points
-//! of the box: a training that begins without renders uses its cameras sooner (chapter `small_model`), and a step of it takes two thirds of the time.
+//! In its first `--shape-steps` a stage compares signed distances and renders nothing; such a step takes three quarters of the time. A training that began so used its cameras, those before it hardly did; they
+//! differ in more than this (chapter `small_model`).
 //!
 //! The rate rises linearly over the first hundred steps (twenty in stage 3) to the first number, and falls along a cosine to the second. 1/β is
 //! linear; in stage 1a it doubles while the rate rises, and is linear from there. With signed distances it goes from 30 to 60 during this warm-up, to 120 until the end of stage 1a,

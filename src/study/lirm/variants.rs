@@ -8,7 +8,7 @@
 //! | no update | one set of 4 to 12 images per object instead of 1 or 2 of 3 to 6 |
 //! | hexa NDE, second seed | other first values and draws |
 //!
-//! All are trained under the light and with the colours of stage 2: on signed distances alone in the first half of the steps (a training that begins with renders hardly uses its cameras, chapter `small_model`
+//! All are trained under the light and with the colours of stage 2: on signed distances alone in the first half of the steps (trainings that began with renders hardly used their cameras, chapter `small_model`
 //! of the book), then on all heads too. 1/β goes from 30 to 120; Muon, batches of eight, objects of random size and place in the box as in stage 1a. They are scored on the smoother version of unseen objects after 4, 8 and 12 images: in
 //! sets of four, without update in one set. A cell is one training; its values name the objects, so that differences are paired by object.
 
