@@ -1,10 +1,10 @@
 //! Layers of transformers where they fail elsewhere: constant rows, large logits, tokens that nothing attends to, chains beyond one chunk.
 
 use lastlight::nn::attention::{self, In, InBar};
-use lastlight::nn::{block, gelu, layernorm, linear};
+use lastlight::nn::{block, gelu, layernorm, linear, softmax};
 use lastlight::num::array::{Arrays, entries};
-use lastlight::num::par;
 use lastlight::num::rng::Rng;
+use lastlight::num::{order, par};
 use lastlight::ops::{self, Call};
 use reference::settings::Setting;
 
@@ -44,6 +44,32 @@ fn gelu_keeps_the_digits_of_its_left_tail() {
         assert!((y / expected - 1.0_f32).abs() < 1e-4, "{y} and {expected}");
     }
     assert_eq!(y[3].to_bits(), (-0.0_f32).to_bits(), "underflow");
+}
+
+#[test]
+fn a_softmax_of_any_size_of_logits_sums_to_1() {
+    for k in [3, 64, 1000] {
+        // A row of equal logits, of very large and of very small ones, of both together, and of random ones up to ±10⁴.
+        let both = (0..k).map(|j| if j % 2 == 0 { 1e4 } else { -1e4 });
+        let random = normals(k, 3).into_iter().map(|n| order::clamp(3e3 * n, -1e4, 1e4));
+        let x: Vec<f32> =
+            [7.5, 1e4, -1e4].into_iter().flat_map(|v| vec![v; k]).chain(both).chain(random).collect();
+        let y = softmax::forward(&softmax::In { x: &x, base: &[], floor: 0.0, k });
+        let y_bar = normals(x.len(), 4);
+        let mut x_bar = vec![0.0; x.len()];
+        softmax::adjoint(&y, k, &y_bar, &mut x_bar);
+        let bound = f64::from(u16::try_from(k).expect("small")) / (1_u32 << 24) as f64;
+        for (r, row) in y.chunks_exact(k).enumerate() {
+            let sum = row.iter().fold(0.0, |s, y| s + f64::from(*y));
+            assert!((sum - 1.0).abs() <= bound, "row {r} of {k}: {sum}");
+            // The gradient of a sum that is always 1 is 0.
+            let slope = x_bar[r * k..][..k].iter().fold(0.0, |s, g| s + f64::from(*g));
+            assert!(slope.abs() <= 4.0 * bound, "row {r} of {k}: {slope}");
+        }
+        let ones = k.div_ceil(2) as f32;
+        assert!(y[..3 * k].iter().all(|y| *y == 1.0 / k as f32), "equal logits have equal parts");
+        assert!((0..k).all(|j| y[3 * k + j] == if j % 2 == 0 { 1.0 / ones } else { 0.0 }), "10⁴ and −10⁴");
+    }
 }
 
 /// A layer whose queries, keys and values are the tokens themselves, for one head.
