@@ -5,8 +5,8 @@
 //! point whose s and d + κβ are both beyond the same end does not count (as the truncated distances of Park et al. 2019), nor does one that a turn has moved out of the box.
 //!
 //! κ = 1.1 takes back half of what the density of distances adds to silhouettes: a ray that passes a ball of radius r at a distance δ has the optical depth
-//! ½·√(2πr/β)·exp(−δ/β), so the ball's image is larger by δ = β·ln(√(2πr/β) / (2 ln 2)), about 2.1 to 2.5 β, while a ray towards the middle ends 0.3 β in front of its surface. Images and true distances
-//! therefore contradict each other, for every κ; with this one by 0.8 to 1.4 β, which is about half a texel at 1/β = 120. (κ was not searched.)
+//! ½·√(2πr/β)·exp(−δ/β), so the ball's image is larger by δ = β·ln(√(2πr/β) / (2 ln 2)), about 2.2 to 2.5 β, while a ray towards the middle ends 0.3 β behind its surface. Images and true distances
+//! therefore contradict each other, for every κ; with this one by 1.1 to 1.4 β at outlines and by 1.4 β in the middle, which is at most 0.7 texel at 1/β = 120. (κ was not searched.)
 
 use crate::Result;
 use crate::field::render::InBar;
