@@ -415,7 +415,8 @@ fn output(
     }
     if let Some((albedo, material)) = p.means.filter(|_| m.albedo_db.is_some()) {
         let (albedo, material) = (constant(truth, albedo), constant(truth, material));
-        let m = scores::materials(Some(&albedo), Some(&material), truth)?;
+        // On the pixels that count for the model.
+        let m = scores::materials(Some(&albedo), Some(&material), &s.images.opacity, truth)?;
         let of_mean = [
             ("mean_albedo_db", m.albedo_aligned_db),
             ("mean_roughness", m.roughness),

@@ -30,7 +30,8 @@ pub struct Scores {
     pub materials: MaterialErrors,
 }
 
-/// Errors of materials on the pixels that the object covers completely, except for [`Self::albedo_orb_db`].
+/// Errors of materials on the pixels that the object covers completely and where the field is opaque (opacity above [`VALID`], as for normals and depth: elsewhere the composited values are
+/// partly those of the background), except for [`Self::albedo_orb_db`].
 #[derive(Clone, Copy, Debug, Default)]
 pub struct MaterialErrors {
     /// PSNR of the sRGB-encoded albedo as it is, in decibels.
@@ -63,16 +64,18 @@ pub(super) fn decibels(x: Decibel) -> f64 {
     x.finite().unwrap_or(f64::INFINITY)
 }
 
-/// Compares the materials of a view with its passes: albedo (H, W, 3), roughness and metallic (H, W, 2).
+/// Compares the materials of a view with its passes: albedo (H, W, 3), roughness and metallic (H, W, 2), where the opacity (H, W) is above [`VALID`].
 ///
 /// # Errors
 /// When a value is not finite.
 pub fn materials(
     albedo: Option<&[f32]>,
     material: Option<&[f32]>,
+    opacity: &[f32],
     target: &Target,
 ) -> Result<MaterialErrors> {
-    let inside: Vec<usize> = (0..target.foreground.len()).filter(|i| target.foreground[*i] == 1.0).collect();
+    let counts = |i: usize| target.foreground[i] == 1.0 && opacity[i] > VALID;
+    let inside: Vec<usize> = (0..target.foreground.len()).filter(|i| counts(*i)).collect();
     let mut out = MaterialErrors::default();
     if let Some((ours, truth)) = albedo.zip(target.albedo.as_ref()) {
         let squares: Vec<f64> = inside
@@ -87,7 +90,8 @@ pub fn materials(
         let linear = |image: &[f32]| -> Vec<f32> {
             image.iter().map(|x| orb::decode(order::clamp(f64::from(*x), 0.0, 1.0)) as f32).collect()
         };
-        let covered: Vec<f32> = target.foreground.iter().map(|m| f32::from(u8::from(*m == 1.0))).collect();
+        let covered: Vec<f32> =
+            (0..target.foreground.len()).map(|i| f32::from(u8::from(counts(i)))).collect();
         let (x, y) = (linear(ours), linear(truth));
         let (height, width) = (target.camera.height, target.camera.width);
         let pair = orb::In { x: &x, y: &y, foreground: &covered, height, width };
@@ -140,7 +144,7 @@ pub fn score(field: &Field, cells: &Occupancy, target: &Target) -> Result<Scores
     });
     let albedo = images.channels.albedo.map(|at| images.values_from(at, 3));
     let material = images.channels.material.map(|at| images.values_from(at, 2));
-    let materials = materials(albedo.as_deref(), material.as_deref(), target)?;
+    let materials = materials(albedo.as_deref(), material.as_deref(), &images.opacity, target)?;
     Ok(Scores {
         numerical_deg: against(&|i| images.normals[i]),
         head_deg: head,
