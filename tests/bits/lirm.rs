@@ -35,12 +35,15 @@ const TINY: Config =
     Config { blocks: 2, width: 16, heads: 2, plane_tokens: 2, embed_tokens: 2, channels: 4, ..Config::SMALL };
 
 /// Kinds of training: name, stage, weight of signed distances, optimiser of the matrices.
-const KINDS: [(&str, &str, f32, Kind); 4] = [
+const KINDS: [(&str, &str, f32, Kind); 5] = [
     ("1a", "1a", 0.0, Kind::AdamW),
     ("1a with distances and Muon", "1a", 10.0, Kind::Muon),
+    (SHAPE_FIRST, "1a", 10.0, Kind::Muon),
     ("2a", "2a", 0.0, Kind::AdamW),
     ("3", "3", 0.0, Kind::AdamW),
 ];
+/// A stage that begins on distances alone, draws for the second set, and averages its last steps.
+const SHAPE_FIRST: &str = "1a on distances first, with updates and a mean";
 /// Names of the two sets of images.
 const READ: [&str; 2] = ["lirm.reconstruct", "lirm.update"];
 
@@ -112,7 +115,7 @@ impl Source for Balls {
 fn settings(stage: &str, distances: f32, optimizer: Kind) -> Settings {
     let stage = Stage::named(stage).expect("a stage").with_distances(distances);
     let stage = Stage { steps: STEPS, samples: SAMPLES, rise: 2, target: [64, 16], ..stage };
-    Settings { stage, optimizer, seed: 5, batch: 2, block: 2, at_once: 2, recompute: false }
+    Settings { stage, optimizer, seed: 5, batch: 2, block: 2, at_once: 2, recompute: false, average_last: 0 }
 }
 
 fn trained(kind: &str) -> String {
@@ -146,7 +149,11 @@ pub(crate) fn entries() -> Vec<Entry> {
     let plain = first(&TINY, 5);
     let (mut entries, mut last) = (Vec::new(), None);
     for (name, stage, distances, optimizer) in KINDS {
-        let settings = settings(stage, distances, optimizer);
+        let mut settings = settings(stage, distances, optimizer);
+        if name == SHAPE_FIRST {
+            settings.stage = Stage { shape_steps: 2, ..settings.stage.with_updates() };
+            settings.average_last = 2;
+        }
         let mut training = Training::new(settings, TINY, Some(&plain), &balls).expect("valid settings");
         let losses = (0..STEPS).map(|i| training.step(i, &mut ()).expect("finite").loss).collect();
         let mut state = Arrays::new();

@@ -1,6 +1,6 @@
 //! Training of LIRM on a miniature: one digest whatever the threads, parts and recomputation; resumed is uninterrupted; it learns.
 
-use lastlight::fit::training::{Fit, History, Schedule, resume, run};
+use lastlight::fit::training::{Fit, History, Schedule, resume, run, save};
 use lastlight::lirm::r#gen as set;
 use lastlight::lirm::model::config::Config;
 use lastlight::lirm::model::file::digest;
@@ -12,6 +12,7 @@ use lastlight::lirm::train::stage::Stage;
 use lastlight::lirm::train::stored::Stored;
 use lastlight::lirm::train::{Settings, Training};
 use lastlight::lirm::views::Views;
+use lastlight::num::array::Arrays;
 use lastlight::num::order;
 use lastlight::num::par::with_threads;
 use std::collections::BTreeMap;
@@ -57,7 +58,16 @@ const TINY: Config =
 fn settings(stage: &str, steps: usize) -> Settings {
     let stage = Stage::named(stage).expect("a name");
     let stage = Stage { steps, samples: 24, rise: 2, target: [64, 16], ..stage };
-    Settings { stage, optimizer: Kind::AdamW, seed: 0, batch: 2, block: 2, at_once: 2, recompute: false }
+    Settings {
+        stage,
+        optimizer: Kind::AdamW,
+        seed: 0,
+        batch: 2,
+        block: 2,
+        at_once: 2,
+        recompute: false,
+        average_last: 0,
+    }
 }
 
 fn whole(training: &mut Training<'_>) -> String {
@@ -80,12 +90,16 @@ fn every_kind_of_stage_has_one_digest() {
     let muon = Settings { optimizer: Kind::Muon, ..settings("1a", 5) };
     let distances = compared(0.0, 10.0);
     let shape = Settings { stage: Stage { shape_steps: 3, ..distances.stage.clone() }, ..distances.clone() };
+    let own = settings("1b", 5);
+    let updates = Settings { stage: own.stage.clone().with_updates(), ..own };
     let kinds = [
         ("1a", settings("1a", 5)),
         ("1a with surface points", compared(10.0, 0.0)),
         ("1a with signed distances", distances),
         ("1a with signed distances alone in three steps", shape),
         ("1a with Muon", muon),
+        ("1b with draws for the second set", updates),
+        ("1a, averaged over three steps", Settings { average_last: 3, ..settings("1a", 5) }),
         ("2a", settings("2a", 5)),
         ("3", settings("3", 5)),
     ];
@@ -105,7 +119,7 @@ fn every_kind_of_stage_has_one_digest() {
     all.push(of(Settings { seed: 1, ..settings("1a", 5) }));
     all.sort();
     all.dedup();
-    assert_eq!(all.len(), 8, "each kind has other weights, and so have other draws");
+    assert_eq!(all.len(), 10, "each kind has other weights, and so have other draws");
 }
 
 #[test]
@@ -188,11 +202,72 @@ fn a_stage_goes_on_after_its_first_part() {
         ("--rate", Settings { stage: settings("1a", 40).stage.with_rate(1e-3), ..settings("1a", 40) }),
         ("--room", Settings { stage: Stage { room: 0.0, ..settings("1a", 40).stage }, ..settings("1a", 40) }),
         ("--shape-steps", Settings { stage: shape, ..settings("1a", 40) }),
+        ("--updates", Settings { stage: settings("1a", 40).stage.with_updates(), ..settings("1a", 40) }),
     ] {
         let mut other = Training::new(other, TINY, Some(one.params()), &source).expect("valid");
         let e = other.continue_from(&part).expect_err("another setting").to_string();
         assert!(e.contains(name) && e.contains("part before of stage 1a"), "{e}");
     }
+}
+
+#[test]
+fn the_result_can_be_the_mean_over_the_last_steps() {
+    let source = Kept::new();
+    let dir = tempfile::tempdir().expect("a folder");
+    let path = dir.path().join("checkpoint");
+    let own = Settings { average_last: 3, ..settings("1a", 6) };
+    let made = |own: &Settings| Training::new(own.clone(), TINY, None, &source).expect("valid");
+    let mut plain = made(&settings("1a", 6));
+    let mut averaged = made(&own);
+    let mut after = Vec::new();
+    for i in 0..6 {
+        let losses = [&mut plain, &mut averaged].map(|t| t.step(i, &mut ()).expect("finite").loss);
+        assert_eq!(losses[0], losses[1], "the steps do not change");
+        after.push(plain.params().clone());
+        if i < 3 {
+            assert_eq!(averaged.params(), plain.params(), "nothing is averaged yet");
+        }
+    }
+    for (name, mean) in averaged.params().iter() {
+        let of = |i: usize| after[i].get(name).expect("an array").iter();
+        for (((m, a), b), c) in mean.iter().zip(of(3)).zip(of(4)).zip(of(5)) {
+            let expected = (f64::from(*a) + f64::from(*b) + f64::from(*c)) / 3.0;
+            assert!(
+                (f64::from(*m) - expected).abs() <= 3e-7 * expected.abs() + 1e-9,
+                "{name}: {m} {expected}"
+            );
+        }
+    }
+    // Stopped after every number of steps and resumed, it is the same mean.
+    for last in 1..6 {
+        let mut one = made(&own);
+        let mut history = History::default();
+        for i in 0..last {
+            let step = one.step(i, &mut ()).expect("finite");
+            history.loss.push(step.loss);
+            history.size.push(2);
+        }
+        save(&one, &history, &path).expect("written");
+        let mut two = made(&own);
+        let mut history = resume(&mut two, &path).expect("its checkpoint");
+        let stop = AtomicBool::new(false);
+        run(&mut two, &mut history, Schedule { checkpoint: None, every: 1000, stop: &stop }, &mut ())
+            .expect("finite");
+        assert_eq!(digest(two.params()), digest(averaged.params()), "resumed after {last}");
+    }
+    // The mean of another number of steps has begun already, or not yet.
+    let mut one = made(&own);
+    one.stop_after(4).expect("a step");
+    whole(&mut one);
+    let mut state = Arrays::new();
+    one.save(&mut state);
+    let mut two = made(&own);
+    two.load(&state).expect("its weights");
+    let e = two.step(4, &mut ()).expect_err("step 4 is missing").to_string();
+    assert!(e.contains("--until"), "{e}");
+    let e = Training::new(Settings { average_last: 7, ..own.clone() }, TINY, None, &source)
+        .expect_err("too many");
+    assert!(e.to_string().contains("--average-last"), "{e}");
 }
 
 #[test]

@@ -26,17 +26,17 @@ const ORDERS: &Choices =
 const COLUMNS: [(&str, &str, usize); 20] = [
     ("psnr_db", "PSNR", 2),
     ("hull_db", "hull", 2),
-    ("small_hull_db", "at 64²", 2),
+    ("small_hull_db", "hull 64²", 2),
     ("nearest_db", "nearest", 2),
     ("ssim", "SSIM", 3),
     ("rfd", "RFD", 1),
     ("foreground_iou", "IoU", 3),
-    ("hull_iou", "of hull", 3),
+    ("hull_iou", "hull IoU", 3),
     ("color", "colour", 3),
-    ("gray", "of grey", 3),
+    ("gray", "grey", 3),
     ("numerical_normals_deg", "normals", 1),
     ("distance_radii", "surface", 4),
-    ("has_surface", "found", 2),
+    ("has_surface", "surf found", 2),
     ("albedo_db", "albedo", 2),
     ("mean_albedo_db", "of mean", 2),
     ("roughness", "roughness", 3),
@@ -60,10 +60,10 @@ const CONTROLS: &Choices = &[
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
   lastlight lirm eval                                       24 objects of seed 2
-  lastlight lirm eval s1c --seed 1 --objects 8              for choices
+  lastlight lirm eval s1c --seed 1 --objects 8              for comparing trainings
   lastlight lirm eval s3 --light environment --input-order sequential
 
-Every object has 48 views (lirm gen --cameras test): 16 inputs in four sets, read at 64x64, and 12 outputs, compared at 128x128. Beside the model stand two baselines that are given the same foreground, with images of 128x128: the nearest input image, and the visual hull of the inputs with their mean colours, which is also made of the 64x64 that the model reads; beside materials, the means of training objects. PSNR in dB over white; RFD, a distance of responses to random filters (not LPIPS); IoU of foregrounds; angles in degrees; distances of surfaces in radii of the object; means over outputs, then objects.")]
+Every object has 48 views (lirm gen --cameras test): 16 inputs in four sets, read at 64x64, and 12 outputs, compared at 128x128. Two baselines are scored too, from the same foreground with images of 128x128: the nearest input image, and the visual hull of the inputs with their mean colours, which is also made of the 64x64 that the model reads. Materials count where the object covers a pixel and the model is opaque, beside the means of training objects. PSNR in dB over white; RFD, a distance of responses to random filters (not LPIPS); IoU of foregrounds; colour, the error of the mean colour, beside that of a grey of the true brightness; angles in degrees; distances of surfaces in radii of the object; means over outputs, then objects.")]
 pub(crate) struct Args {
     /// Model, or the folder of a training [default: the included model]
     #[arg(value_name = "FILE")]

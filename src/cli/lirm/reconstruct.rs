@@ -65,7 +65,7 @@ pub(crate) struct Args {
     /// Folder with transforms.json or a COLMAP model, or the transforms.json itself
     #[arg(value_name = "DIR")]
     capture: PathBuf,
-    /// Axes of the field, which decide what the model is used to [default: those that the model was trained with]
+    /// Axes of the field [default: those that the model was trained with]
     #[arg(long, value_name = "NAME", value_parser = choices(POSES))]
     field_axes: Option<String>,
     /// Box that holds the object; the field is the cube around it [default: from the foreground, around the point nearest to the optical axes; for

@@ -45,6 +45,8 @@ const OPTIMIZERS: &Choices =
   lastlight lirm train --stage 1a --until 700 --out a       the first 700 steps
   lastlight lirm train --stage 1a --from a --out s1a        the remaining steps, with fresh moments
   lastlight lirm train set --stage 1a --out s1a             objects of lirm gen --views 20 --size 128 --lighting both --shiny
+  lastlight lirm train --stage 1a --shape-steps 600 --distances 60 --optimizer muon --rate 1e-3 --until 600 --out s1a
+                                                            the beginning of the included weights: it learns to use cameras
 
 Objects are rendered in memory with the pixels of lirm gen (20 images of 128x128 with 8 samples per pixel); each is in twelve steps, turned about the vertical by a drawn angle (with axes of the first image this changes nothing but rounding). Written to --out: model.safetensors (half precision, for --from), a checkpoint, result.json and report/index.html. The number of threads changes the time, not the result.")]
 pub(crate) struct Args {
@@ -83,6 +85,12 @@ pub(crate) struct Args {
     /// Steps at the beginning that compare signed distances alone: nothing is rendered, and colours and normals are not learned
     #[arg(long, value_name = "N", default_value_t = 0)]
     shape_steps: u32,
+    /// Draw for the second set: every object has at least two sets, of two to five images, and targets that are not in the first
+    #[arg(long)]
+    updates: bool,
+    /// The model is the mean of the weights over this many last steps [default: the weights after the last step]
+    #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
+    average_last: u32,
     /// Learning rate after the warm-up; the last one changes with it [default: that of the stage]
     #[arg(long, value_name = "X")]
     rate: Option<f64>,
@@ -124,6 +132,9 @@ impl Args {
         stage.points = self.points;
         stage.shape_steps = self.shape_steps as usize;
         stage = stage.with_distances(self.distances);
+        if self.updates {
+            stage = stage.with_updates();
+        }
         stage.validate()?;
         Ok(Settings {
             stage,
@@ -133,6 +144,7 @@ impl Args {
             block: usize::from(self.objects_at_once),
             at_once: usize::from(self.gradients_at_once.unwrap_or(self.batch)),
             recompute: self.recompute,
+            average_last: self.average_last as usize,
         })
     }
 }
@@ -164,8 +176,8 @@ pub(super) fn run(args: &Args) -> Result<()> {
     claim::check(&args.out, args.filling.resume, args.filling.force)?;
     if args.from.is_some() && args.choices.is_given() {
         return Err(Error::input("--from")
-            .expected("--field-axes and --first-values only where a model begins")
-            .got("a model that is there"));
+            .expected("no --field-axes or --first-values together with it: they belong to first values")
+            .got("both"));
     }
     let before = args.from.as_deref().map(Model::read).transpose()?;
     let config = match &before {
@@ -193,6 +205,18 @@ pub(super) fn run(args: &Args) -> Result<()> {
             (true, true) => meter.note(&format!("stage {} begins again, from its own result", part.stage)),
             (false, false) => meter.note(&format!("the model has stage {}", part.label())),
             (false, true) => {}
+        }
+        let (was, is) = (part.distances, settings.stage.distances);
+        if (was > 0.0) != (is > 0.0) {
+            let sharp =
+                |x: f32| if x > 0.0 { format!("--distances {x}") } else { "no --distances".to_owned() };
+            let [first, _] = settings.stage.inverse_beta;
+            meter.note(&format!(
+                "the model was trained with {}, this stage has {}: 1/beta goes from {} to {first}",
+                sharp(was),
+                sharp(is),
+                part.inverse_beta
+            ));
         }
     }
     if let Some(last) = args.until {

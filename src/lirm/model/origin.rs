@@ -44,6 +44,12 @@ pub struct Part {
     /// Steps at the beginning of the stage in which signed distances were all that was compared.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub shape_steps: usize,
+    /// Whether draws were those for the second set.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub updates: bool,
+    /// Steps at the end over which the weights are averaged.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub average_last: usize,
     /// 1/β in the last step.
     pub inverse_beta: f32,
     /// Digest of the weights that it began with.
@@ -59,6 +65,12 @@ fn adamw() -> String {
 #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde's form")]
 fn is_zero(n: &usize) -> bool {
     *n == 0
+}
+
+/// Nor a choice that was not made.
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde's form")]
+fn is_false(x: &bool) -> bool {
+    !*x
 }
 
 impl Part {
@@ -132,6 +144,8 @@ mod tests {
             points: 0.0,
             distances: 0.1,
             shape_steps: 0,
+            updates: false,
+            average_last: 0,
             inverse_beta,
             start: "0123".to_owned(),
         }

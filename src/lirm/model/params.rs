@@ -22,7 +22,9 @@
 //! coefficients times (1 + k + l)^−1.5: white noise would give the first signed distance a rough gradient. In `fuse`, GELU(x) − GELU(−x) = x, so that half of the hidden units keep every second channel of the state.
 //!
 //! A plain model has heads for distance, colour and normal; a whole one also reads photos, and has heads for albedo, material
-//! and ρ, and a colour head that reads the embedding. [`extended`] makes a whole model of a plain one, which computes the same colours.
+//! and ρ, and a colour head that reads the embedding. [`extended`] makes a whole model of a plain one. Its texels are those of a trained model, three times as large as first ones, and a head with first
+//! weights of gain 2 would begin at the ends of its range (metallic at 10⁻⁴, with a gradient of as much). So the new heads begin with values of the trained ones: albedo as the colour head, material with its hidden layers and a last
+//! layer of 0 (½ everywhere), ρ with a last layer of 0. The colour head's columns for the embedding begin at half of their first values: with 0, panoramas would get no gradient until the columns have grown.
 //!
 //! In the attention's first matrix the first D rows give the queries. Xavier's bound is that of the whole matrix, as in PyTorch.
 
@@ -261,8 +263,11 @@ pub fn first(c: &Config, seed: u64) -> Params {
     params
 }
 
-/// Returns a whole model of a plain one: the arrays of both are kept, the colour head gets columns of 0 for the embedding, and the
-/// others begin. A whole model stays as it is.
+/// Part of their first values with which the colour head's columns for the embedding begin in a model that was trained without.
+const EMBEDDED: f32 = 0.5;
+
+/// Returns a whole model of a plain one: the arrays of both are kept, the colour head gets columns for the embedding, and the
+/// others begin (module text). A whole model stays as it is.
 ///
 /// # Errors
 /// When an array is missing or has another shape.
@@ -278,7 +283,7 @@ pub fn extended(params: &Params, c: &Config, seed: u64) -> Result<(Params, Confi
         if new.shape() == old.shape() {
             new.assign(old);
         } else {
-            new.fill(0.0);
+            new.mapv_inplace(|w| EMBEDDED * w);
             new.slice_axis_mut(Axis(1), Slice::from(..old.shape()[1])).assign(old);
         }
         if let Some(row) = name.strip_suffix("/v") {
@@ -289,6 +294,20 @@ pub fn extended(params: &Params, c: &Config, seed: u64) -> Result<(Params, Confi
                     Error::input(format!("array '{g}'")).expected("the lengths of rows").got("none")
                 })?,
             );
+        }
+    }
+    if !c.is_whole {
+        let old = |l: usize| params.get(&format!("heads/color/{l}")).cloned().expect("it was kept above");
+        for l in 0..4 {
+            all.set(&format!("heads/albedo/{l}"), old(l));
+        }
+        for l in 0..3 {
+            all.set(&format!("heads/material/{l}"), old(l));
+        }
+        for last in ["heads/material/3", "heads/rho/2"] {
+            if let Some(array) = all.get_mut(last) {
+                array.fill(0.0);
+            }
         }
     }
     Ok((all, whole))
@@ -357,15 +376,25 @@ mod tests {
     }
 
     #[test]
-    fn a_plain_model_becomes_a_whole_one_with_the_same_colours() {
+    fn a_plain_model_becomes_a_whole_one_whose_heads_begin_with_its_colours() {
         let plain = first(&Config::SMALL, 1);
         let (whole, config) = extended(&plain, &Config::SMALL, 2).expect("all arrays");
         assert!(config.is_whole);
         let (old, new) =
             (plain.get("heads/color/0").expect("there"), whole.get("heads/color/0").expect("there"));
         assert_eq!((old.shape(), new.shape()), (&[32, 48][..], &[32, 64][..]));
-        assert!(new.index_axis(Axis(0), 5).iter().skip(48).all(|w| *w == 0.0), "columns of 0");
+        let drawn = first(&config, 2);
+        let drawn = drawn.get("heads/color/0").expect("there");
+        assert!((48..64).all(|k| new[[5, k]] == 0.5 * drawn[[5, k]]), "half of the drawn columns");
         assert_eq!(new[[5, 47]], old[[5, 47]]);
+        for l in 0..4 {
+            let own = |name: &str| whole.get(&format!("heads/{name}/{l}")).expect("there").clone();
+            let color = plain.get(&format!("heads/color/{l}")).expect("there");
+            assert_eq!(own("albedo"), color, "albedo begins as the colour");
+            assert_eq!(l < 3, own("material") == color, "and material with its hidden layers");
+        }
+        let is_0 = |name: &str| whole.get(name).is_some_and(|a| a.iter().all(|w| *w == 0.0));
+        assert!(is_0("heads/material/3") && is_0("heads/rho/2"), "the middle of the range");
         assert!(whole.get("tokens/photo").is_some_and(|a| a.iter().all(|w| *w == 0.0)));
         assert_eq!(plain.get("block/00/fc2/g"), whole.get("block/00/fc2/g"));
         let mut missing = plain.clone();

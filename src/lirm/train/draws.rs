@@ -53,6 +53,8 @@ pub(super) struct Choice {
     pub(super) sets: Vec<Vec<usize>>,
     /// All images, in a random order.
     pub(super) order: Vec<usize>,
+    /// Whether images of the first set are no targets.
+    is_update: bool,
 }
 
 fn number(x: usize) -> u32 {
@@ -101,7 +103,8 @@ impl Draws<'_> {
         let images = Rng::new(rng.derive(j as u64, number(step), IMAGES)).permutation(VIEWS, 0, IMAGES);
         let [few, many] = self.stage.images;
         let mut first = 0;
-        let sets = 0..1 + below(2, self.stage.sets);
+        let [fewest, most] = self.stage.sets;
+        let sets = 0..fewest + below(2, most - fewest + 1);
         let sets = sets.map(|set| {
             let n = few + below(3 + set as u16, many - few + 1);
             first += n;
@@ -116,14 +119,18 @@ impl Draws<'_> {
             factors: tint(brightness, strength, colors),
             sets: sets.collect(),
             order: Rng::new(rng.derive(j as u64, number(step), PLACE)).permutation(VIEWS, 0, IMAGES),
+            is_update: self.stage.updates,
         }
     }
 }
 
 impl Choice {
     /// The images to compare with: the first `n`, in the random order, whose camera is in a direction near that of an image of the first
-    /// set, then the others. `centers` are the positions of all cameras.
+    /// set, then the others; with draws for the second set, the first `n` that are not in the first set. `centers` are the positions of all cameras.
     pub(super) fn targets(&self, centers: &[[f32; 3]], n: usize) -> Vec<usize> {
+        if self.is_update {
+            return self.order.iter().copied().filter(|i| !self.sets[0].contains(i)).take(n).collect();
+        }
         let unit = |x: [f32; 3]| {
             let length = ((x[0] * x[0] + x[1] * x[1]) + x[2] * x[2]).sqrt();
             if length > 0.0 { x.map(|v| v / length) } else { x }
@@ -193,5 +200,25 @@ mod tests {
         let centers: Vec<[f32; 3]> = (0..VIEWS).map(around).collect();
         let targets = choice.targets(&centers, 4);
         assert!(targets.iter().all(|i| centers[*i][0] > 0.0), "{targets:?}");
+    }
+
+    #[test]
+    fn draws_for_the_second_set_have_two_sets_and_targets_outside_of_the_first() {
+        for name in ["1c", "2a"] {
+            let stage = Stage::named(name).expect("a name").with_updates();
+            stage.validate().expect("valid");
+            let draws = Draws { seed: 5, stage: &stage, batch: 4, block: 6 };
+            let mut numbers = [0; 4];
+            for step in 0..50 {
+                let choice = draws.choice(step, 1);
+                numbers[choice.sets.len()] += 1;
+                assert!(choice.sets.iter().all(|s| (2..=5).contains(&s.len())), "{:?}", choice.sets);
+                let targets = choice.targets(&[[0.0, 0.0, 1.0]; VIEWS], 4);
+                assert_eq!(targets.len(), 4);
+                assert!(targets.iter().all(|i| !choice.sets[0].contains(i)), "{targets:?}");
+            }
+            let [_, one, two, three] = numbers;
+            assert!(one == 0 && two > 10 && (three > 10) == (name == "2a"), "{numbers:?}");
+        }
     }
 }

@@ -22,6 +22,9 @@
 //! A stage can be made in parts: [`Training::stop_after`] ends it after a step, and [`Training::continue_from`] goes on from the weights, with fresh moments and a rate
 //! that rises again over twenty steps. Draws, rates and 1/β are those of the step of the whole stage.
 //!
+//! While the rate is high, weights swing around better ones. [`Settings::average_last`] makes the result the mean of the weights after each of the last steps (stochastic weight averaging, Izmailov et
+//! al. 2018): mₖ = mₖ₋₁ + (wₖ − mₖ₋₁)/k in single precision. The steps themselves do not change.
+//!
 //! Every draw is a function of seed, step and place in the batch, and objects are made by index, so a training that is resumed has the bits of one that
 //! was not interrupted. Neither threads nor `at_once` nor recomputation change a bit.
 
@@ -60,6 +63,21 @@ const LENGTH: f64 = 1.0;
 /// Steps over which the rate rises where a stage goes on with fresh moments.
 const RISE_AGAIN: usize = 20;
 
+/// Name in a checkpoint of the step whose weights are the first ones of the mean.
+const FIRST_AVERAGED: &str = "mean_first";
+
+/// Name of an array of the mean in a checkpoint, beside those of the weights.
+fn in_mean(name: &str) -> String {
+    format!("mean/{name}")
+}
+
+/// The mean of the weights with these names.
+fn of_mean(mean: &Params) -> Params {
+    let mut all = Params::new();
+    mean.iter().for_each(|(name, array)| all.set(&in_mean(name), array.clone()));
+    all
+}
+
 /// Settings of a training.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
@@ -77,6 +95,8 @@ pub struct Settings {
     pub at_once: usize,
     /// Whether blocks run again in the adjoint instead of keeping what they save; changes no bit.
     pub recompute: bool,
+    /// Steps at the end over which the weights of the result are averaged; 0 takes the last ones.
+    pub average_last: usize,
 }
 
 /// Bytes of an object in memory: twenty images of 128² pixels with their passes, and the points with distances.
@@ -104,6 +124,8 @@ pub struct Training<'a> {
     range: [usize; 2],
     config: Config,
     params: Params,
+    /// The mean of the weights over the last steps so far, once it has begun.
+    mean: Option<Params>,
     /// Moments of all arrays.
     states: States,
     pool: Pool<'a>,
@@ -127,6 +149,10 @@ impl<'a> Training<'a> {
     ) -> Result<Self> {
         config.validate()?;
         settings.stage.validate()?;
+        if settings.average_last > settings.stage.steps {
+            let got = settings.average_last.to_string();
+            return Err(Error::input("--average-last").expected("at most the steps of the stage").got(got));
+        }
         if settings.batch == 0 || settings.at_once == 0 || settings.block == 0 {
             return Err(Error::input("--batch").expected("at least one object").got("none"));
         }
@@ -144,6 +170,7 @@ impl<'a> Training<'a> {
             settings,
             config,
             params: begun,
+            mean: None,
             states,
             pool: Pool::new(source),
             shown: Vec::new(),
@@ -184,6 +211,7 @@ impl<'a> Training<'a> {
             ("--rate", json!(part.rate), json!(own.rate)),
             ("--room", json!(part.room), json!(own.room)),
             ("--shape-steps", json!(part.shape_steps), json!(own.shape_steps)),
+            ("--updates", json!(part.updates), json!(own.updates)),
             ("--points", text(part.points), text(own.points)),
             ("--distances", text(part.distances), text(own.distances)),
         ];
@@ -216,6 +244,8 @@ impl<'a> Training<'a> {
             points: s.stage.points,
             distances: s.stage.distances,
             shape_steps: s.stage.shape_steps,
+            updates: s.stage.updates,
+            average_last: s.average_last,
             inverse_beta: s.stage.look(self.range[1].saturating_sub(1)).inverse_beta,
             start: self.start.clone(),
         }
@@ -240,9 +270,41 @@ impl<'a> Training<'a> {
         Ok(())
     }
 
-    /// The current weights.
+    /// The weights after the last step, or their mean over the last steps.
     pub fn params(&self) -> &Params {
-        &self.params
+        self.mean.as_ref().unwrap_or(&self.params)
+    }
+
+    /// The step of the stage whose weights are the first ones of the mean.
+    fn first_averaged(&self) -> usize {
+        let [first, end] = self.range;
+        Ord::max(end.saturating_sub(self.settings.average_last), first)
+    }
+
+    /// Takes the weights after step `i` of the stage into the mean, if it is one of the last.
+    fn average(&mut self, i: usize) -> Result<()> {
+        let first = self.first_averaged();
+        if i < first {
+            return Ok(());
+        }
+        if i == first {
+            self.mean = Some(self.params.clone());
+            return Ok(());
+        }
+        let Some(mean) = &mut self.mean else {
+            return Err(Error::input("--until")
+                .expected(format!(
+                    "{} or more: the mean of the last steps begins after this one",
+                    i + self.settings.average_last
+                ))
+                .got(self.range[1].to_string()));
+        };
+        let count = (i - first + 1) as f32;
+        for (name, w) in self.params.iter() {
+            let mean = mean.get_mut(name).expect("both have the same arrays");
+            mean.zip_mut_with(w, |m, w| *m += (*w - *m) / count);
+        }
+        Ok(())
     }
 
     /// The sizes of the model.
@@ -340,6 +402,9 @@ impl Fit for Training<'_> {
         if self.range[0] > 0 {
             all["first_step"] = json!(self.range[0]);
         }
+        if self.settings.average_last > 0 {
+            all["average_last"] = json!(self.settings.average_last);
+        }
         all
     }
 
@@ -377,25 +442,43 @@ impl Fit for Training<'_> {
         }
         let rate = self.rate(i);
         self.states.step(&mut self.params, &grads, rate).map_err(named)?;
+        self.average(i).map_err(named)?;
         watch.lap("optimiser");
-        Ok(Step { loss, size: s.batch })
+        Ok(Step { loss, size: self.settings.batch })
     }
 
     fn preview(&self, k: usize, count: usize) -> Option<Preview> {
         let shown = self.shown.get(k * self.shown.len() / Ord::max(count, 1))?;
         let look = self.settings.stage.look(self.range[1].saturating_sub(1));
-        shown.preview(&Ready::new(self.config, &self.params), look)
+        shown.preview(&Ready::new(self.config, self.params()), look)
     }
 
     fn save(&self, out: &mut Arrays) {
         ArrayNames::Folders.save(&self.params, out);
         self.states.save(out);
+        if let Some(mean) = &self.mean {
+            ArrayNames::Folders.save(&of_mean(mean), out);
+            out.put(FIRST_AVERAGED, &[], vec![self.first_averaged() as f32]);
+        }
     }
 
     fn load(&mut self, from: &Arrays) -> Result<()> {
         let (mut params, mut states) = (self.params.clone(), self.states.clone());
         ArrayNames::Folders.load(&mut params, from)?;
         states.load(from)?;
+        let first = from.get(FIRST_AVERAGED).map(|first| first.to_f32()[0]);
+        self.mean = match first {
+            Some(first) if first == self.first_averaged() as f32 => {
+                let (mut stored, mut mean) = (of_mean(&params), Params::new());
+                ArrayNames::Folders.load(&mut stored, from)?;
+                for (name, _) in params.iter() {
+                    mean.set(name, stored.get(&in_mean(name)).expect("it was read").clone());
+                }
+                Some(mean)
+            }
+            // The mean of another number of steps is not that of this training.
+            _ => None,
+        };
         (self.params, self.states) = (params, states);
         Ok(())
     }

@@ -12,6 +12,9 @@
 //! In stage 1a an object has in every step a random size, from half of its size on, and a random place in the room that this leaves in the box (`--room`: the largest part of its size that it gives up). Where it is, only the cameras
 //! show. Otherwise all objects are in the middle of the box, and models learn how tall and wide an object is before they learn to use cameras (chapter `small_model` of the book).
 //!
+//! `--updates` draws for the second set ([`Stage::with_updates`]): at least two sets of two to five images, where the table has sets of three to six, and targets that are not in the first set, where usually those
+//! count that are seen from the side of an image of it, and these images too. Otherwise a second set has at most a quarter of the weight of the losses, and targets that the first set shows already.
+//!
 //! In its first `--shape-steps` a stage compares signed distances and renders nothing; such a step takes three quarters of the time. A training that began so used its cameras, those before it hardly did; they
 //! differ in more than this (chapter `small_model`).
 //!
@@ -57,8 +60,8 @@ pub struct Stage {
     pub rise: usize,
     /// Parts of the objects under a white dome, under a map, and shiny under a map.
     pub light: [f64; 3],
-    /// Largest number of sets of input images.
-    pub sets: usize,
+    /// Smallest and largest number of sets of input images.
+    pub sets: [usize; 2],
     /// Smallest and largest strength of the random colour that an object is multiplied by: the largest part that a channel loses.
     pub tint: [f64; 2],
     /// Largest part of its size that an object gives up for a random place in the box.
@@ -85,6 +88,8 @@ pub struct Stage {
     pub distances: f32,
     /// Steps at the beginning in which signed distances are all that is compared: nothing is rendered, and the heads of colours and normals only decay.
     pub shape_steps: usize,
+    /// Whether draws are those for the second set ([`Self::with_updates`]).
+    pub updates: bool,
 }
 
 /// Names of the stages, in order.
@@ -104,7 +109,7 @@ impl Stage {
             light: [1.0, 0.0, 0.0],
             tint: [0.0, 0.85],
             room: if name == "1a" { 0.5 } else { 0.0 },
-            sets: 2,
+            sets: [1, 2],
             images: [3, 6],
             samples: 64,
             inverse_beta,
@@ -116,11 +121,12 @@ impl Stage {
             points: 0.0,
             distances: 0.0,
             shape_steps: 0,
+            updates: false,
         };
         let whole = |steps, rates, inverse_beta, first_object| Self {
             light: [0.25, 0.375, 0.375],
             tint: [0.0, 0.6],
-            sets: 3,
+            sets: [1, 3],
             samples: 96,
             target: [128, 32],
             is_whole: true,
@@ -154,6 +160,15 @@ impl Stage {
             let [_, last] = self.inverse_beta;
             self.inverse_beta = [if self.is_first { 30.0 } else { SHARP }, order::max(SHARP, last)];
         }
+        self
+    }
+
+    /// The stage with draws for the second set: at least two sets, of two to five images, and targets that are not in the first set.
+    #[must_use]
+    pub fn with_updates(mut self) -> Self {
+        self.updates = true;
+        self.sets = [2, Ord::max(self.sets[1], 2)];
+        self.images = [2, 5];
         self
     }
 
@@ -192,9 +207,9 @@ impl Stage {
         if self.shape_steps > 0 && self.distances == 0.0 {
             return refuse("--shape-steps", "a weight of --distances", "none".to_owned());
         }
-        let [few, many] = self.images;
-        if self.sets == 0 || few == 0 || few > many || self.sets * many > VIEWS {
-            let got = format!("{} of {few} to {many}", self.sets);
+        let ([few, many], [least, most]) = (self.images, self.sets);
+        if least == 0 || least > most || few == 0 || few > many || most * many > VIEWS {
+            let got = format!("{least} to {most} of {few} to {many}");
             return refuse("sets of images", "at least one of at least one image, of twenty in all", got);
         }
         let [side, crop] = self.target;
@@ -245,12 +260,15 @@ impl Stage {
     pub fn json(&self) -> Value {
         let mut all = json!({
             "stage": self.name, "steps": self.steps, "rates": self.rates, "rise": self.rise, "light": self.light, "tint": self.tint, "room": self.room,
-            "sets": self.sets, "images": self.images, "samples": self.samples, "inverse_beta": self.inverse_beta, "target": self.target,
+            "sets": self.sets[1], "images": self.images, "samples": self.samples, "inverse_beta": self.inverse_beta, "target": self.target,
             "first_object": self.first_object, "points": self.points, "distances": self.distances,
         });
         // Runs that began before it existed go on.
         if self.shape_steps > 0 {
             all["shape_steps"] = json!(self.shape_steps);
+        }
+        if self.updates {
+            all["updates"] = json!(true);
         }
         all
     }

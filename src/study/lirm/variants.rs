@@ -84,7 +84,7 @@ impl Variants<'_> {
             shape_steps: steps / 2,
             light: later.light,
             tint: later.tint,
-            sets: if kind.updates { 2 } else { 1 },
+            sets: [1, if kind.updates { 2 } else { 1 }],
             images: if kind.updates { [3, 6] } else { [4, 12] },
             is_whole: true,
             ..Stage::named("1a")?
@@ -97,6 +97,7 @@ impl Variants<'_> {
             block,
             at_once: batch,
             recompute: false,
+            average_last: steps / 10,
         })
     }
 }
