@@ -189,7 +189,12 @@ fn the_demo_reconstructs_an_object_with_a_given_model() {
         Some(2),
         "after four images and after eight: {record}"
     );
-    assert!(object["rounds"][0]["albedo_aligned_db"].is_number(), "under a map, with materials: {object}");
+    let first = &object["rounds"][0];
+    assert!(first["albedo_orb_db"].is_number(), "under a map, with materials: {object}");
+    assert!(
+        first["albedo_db"].is_null() && first["depth"].is_null(),
+        "first values are opaque nowhere: {object}"
+    );
     assert!(record["person"].is_null() && record["scene"].is_null(), "one part alone");
     let page = std::fs::read_to_string(dir.join("demo/report/index.html")).expect("a report");
     for id in ["object", "rounds", "relit", "time", "files"] {
