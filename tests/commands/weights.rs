@@ -76,9 +76,7 @@ fn the_shipped_model_of_objects_is_the_recorded_one() {
     assert!(bytes <= MOST_BYTES_OF_OBJECTS, "{bytes} bytes, at most {MOST_BYTES_OF_OBJECTS}");
     let model = objects::objects().expect("a model");
     assert_eq!(digest(&model.params), recorded(objects::NAME), "the digest of its page");
-    // They are from before the choice of rays and background.
-    let Config { rays, background, .. } = Config::SMALL;
-    assert_eq!(Config { is_whole: false, rays, background, ..model.config }, Config::SMALL);
+    assert_eq!(Config { is_whole: false, ..model.config }, Config::SMALL);
     let rows = trainings();
     assert_eq!(rows.len(), model.training.len(), "a row for each part of the training");
     assert_eq!(rows.len(), commands("lirm train").len(), "and a command");
