@@ -46,7 +46,7 @@ const OPTIMIZERS: &Choices =
   lastlight lirm train --stage 1a --from a --out s1a        the remaining steps, with fresh moments
   lastlight lirm train set --stage 1a --out s1a             objects of lirm gen --views 20 --size 128 --lighting both --shiny
   lastlight lirm train --stage 1a --shape-steps 600 --distances 60 --optimizer muon --rate 1e-3 --until 600 --out s1a
-                                                            the beginning of the included weights: it learns to use cameras
+                                                            a beginning like that of the included weights
 
 Objects are rendered in memory with the pixels of lirm gen (20 images of 128x128 with 8 samples per pixel); each is in twelve steps, turned about the vertical by a drawn angle (with axes of the first image this changes nothing but rounding). Written to --out: model.safetensors (half precision, for --from), a checkpoint, result.json and report/index.html. The number of threads changes the time, not the result.")]
 pub(crate) struct Args {

@@ -13,7 +13,7 @@
 //! show. Otherwise all objects are in the middle of the box, and models learn how tall and wide an object is before they learn to use cameras (chapter `small_model` of the book).
 //!
 //! `--updates` draws for the second set ([`Stage::with_updates`]): at least two sets of two to five images, where the table has sets of three to six, and targets that are not in the first set, where usually those
-//! count that are seen from the side of an image of it, and these images too. Otherwise a second set has at most a quarter of the weight of the losses, and targets that the first set shows already.
+//! count that are seen from the side of an image of it, and these images too. Otherwise a second set has about a quarter of the weight of the losses, and targets that the first set shows already.
 //!
 //! In its first `--shape-steps` a stage compares signed distances and renders nothing; such a step takes three quarters of the time. A training that began so used its cameras, those before it hardly did; they
 //! differ in more than this (chapter `small_model`).
