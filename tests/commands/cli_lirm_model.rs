@@ -173,6 +173,7 @@ fn scores_stand_beside_baselines() {
     assert!(of(0, "hull_db") > of(0, "psnr_db"), "a model after one step is worse than the hull: {rounds:?}");
     assert!((0..4).all(|r| of(r, "small_hull_db") != of(r, "hull_db")), "of smaller images: {rounds:?}");
     assert!(of(3, "small_hull_db") > of(0, "small_hull_db"), "{rounds:?}");
+    assert!((0..4).all(|r| of(r, "blurred_hull_db") > of(r, "hull_db")), "noise and edges: {rounds:?}");
     assert!(of(3, "hull_db") > of(0, "hull_db") && of(3, "nearest_db") > of(0, "nearest_db"), "{rounds:?}");
 }
 

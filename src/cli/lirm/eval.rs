@@ -23,10 +23,11 @@ const ORDERS: &Choices =
     &[("random", "in a random order"), ("sequential", "around the object: every set shows one side")];
 
 /// Numbers that are printed: name, title, digits.
-const COLUMNS: [(&str, &str, usize); 20] = [
+const COLUMNS: [(&str, &str, usize); 21] = [
     ("psnr_db", "PSNR", 2),
     ("hull_db", "hull", 2),
     ("small_hull_db", "hull 64²", 2),
+    ("blurred_hull_db", "blurred", 2),
     ("nearest_db", "nearest", 2),
     ("ssim", "SSIM", 3),
     ("rfd", "RFD", 1),
@@ -80,7 +81,7 @@ pub(crate) struct Args {
     /// Order of the inputs
     #[arg(long, value_name = "NAME", default_value = "random", value_parser = choices(ORDERS))]
     input_order: String,
-    /// Samples per pixel of the objects' images
+    /// Samples per pixel of the objects' images; their noise limits the scores
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     samples: u32,
     /// Steps of a ray along the diagonal of the box

@@ -165,6 +165,7 @@ fn curves(results: &[(Cell, Values)], baselines: bool) -> Chart {
     if let Some(row) = rows(results).first().filter(|_| baselines) {
         curves.push(curve("visual hull, 64²".into(), row, "small_hull_db"));
         curves.push(curve("visual hull, 128²".into(), row, "hull_db"));
+        curves.push(curve("the same, blurred".into(), row, "blurred_hull_db"));
         curves.push(curve("nearest input".into(), row, "nearest_db"));
     }
     Chart::Lines { curves, from_zero: false }
@@ -255,11 +256,13 @@ fn of_rounds(x: &Scoring<'_>, results: &[(Cell, Values)]) -> Report {
         ">12",
         ">16",
         ">hull of 128², 4",
+        ">blurred, 4",
         ">nearest, 4",
     ];
     let mut names: Vec<(String, usize)> = (1..=4).map(|set| (format!("psnr_db_{set}"), 2)).collect();
     names.extend((1..=4).map(|set| (format!("small_hull_db_{set}"), 2)));
     names.push(("hull_db_1".into(), 2));
+    names.push(("blurred_hull_db_1".into(), 2));
     names.push(("nearest_db_1".into(), 2));
     Report {
         id: x.id,
