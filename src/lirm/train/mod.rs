@@ -103,12 +103,13 @@ pub struct Settings {
 const OBJECT_BYTES: usize = 23 << 20;
 
 impl Settings {
-    /// Returns the bytes that a training needs, about: the objects that are in memory; weights, moments and gradients; what the blocks save for the
+    /// Returns the bytes that a training needs, about: the objects that are in memory; weights, their mean, moments and gradients; what the blocks save for the
     /// largest sets of images, twelve arrays of all tokens per block.
     pub fn memory(&self, config: &Config) -> u64 {
         let whole = Config { is_whole: self.stage.is_whole || config.is_whole, ..*config };
         let at_once = Ord::min(self.at_once, self.batch);
-        let weights = count(&whole) * (5 + at_once);
+        let mean = usize::from(self.average_last > 0);
+        let weights = count(&whole) * (5 + mean + at_once);
         let tokens = whole.state_tokens() + self.stage.images[1] * object::INPUT_TOKENS;
         let kept = if self.recompute { 12 + whole.blocks } else { 12 * whole.blocks };
         let saved = at_once * (kept * tokens * whole.width + 3 * whole.texels());
