@@ -30,6 +30,7 @@
 //! alone hardly finds bright grey ones before a white background.
 
 use crate::lirm::model::decode::{EARLY_STOP, LEAST_WEIGHT, Look};
+use crate::lirm::model::origin::Part;
 use crate::num::elem::f64 as elem;
 use crate::num::order;
 use crate::{Error, Result};
@@ -41,6 +42,8 @@ pub const VIEWS: usize = 20;
 pub const SIDE: usize = 128;
 /// Batches that an object is in.
 pub const USES: usize = 12;
+/// The warm-up is at most this part of a training.
+const SHORTEST: usize = 4;
 /// 1/β at the end of stage 1a, and from then on, where signed distances are compared: those have a gradient without fog. The step of 64 samples along the
 /// diagonal is 3.4 β long, for which the rule `analytic` is accurate to a fraction of β.
 const SHARP: f32 = 120.0;
@@ -56,7 +59,7 @@ pub struct Stage {
     pub steps: usize,
     /// First and last learning rate.
     pub rates: [f64; 2],
-    /// Steps over which the rate rises.
+    /// Steps over which the rate rises, at most a quarter of all.
     pub rise: usize,
     /// Parts of the objects under a white dome, under a map, and shiny under a map.
     pub light: [f64; 3],
@@ -223,10 +226,15 @@ impl Stage {
         Ok(())
     }
 
+    /// The steps of the warm-up: a short training has a quarter of its steps for it.
+    fn warm_up(&self) -> usize {
+        Ord::min(self.rise, Ord::max(self.steps / SHORTEST, 1))
+    }
+
     /// The learning rate of a step.
     pub fn rate(&self, step: usize) -> f64 {
         let [first, last] = self.rates;
-        let rise = Ord::min(self.rise, self.steps);
+        let rise = self.warm_up();
         if step < rise {
             return first * (step + 1) as f64 / rise as f64;
         }
@@ -241,7 +249,7 @@ impl Stage {
             let part = (step - from) as f64 / Ord::max(to - from, 1) as f64;
             first + order::min(part, 1.0) * (last - first)
         };
-        let rise = Ord::min(self.rise, self.steps);
+        let rise = self.warm_up();
         let (end, middle) = (Ord::max(self.steps, 1) - 1, 2.0 * first);
         let inverse_beta = match self.is_first {
             true if step < rise => along(0, rise, [first, middle]),
@@ -254,6 +262,11 @@ impl Stage {
             least_weight: Some(LEAST_WEIGHT),
             early_stop: self.is_last.then_some(EARLY_STOP),
         }
+    }
+
+    /// The mean number of sets that an object of a step has.
+    fn mean_sets(&self) -> f64 {
+        0.5 * (self.sets[0] + self.sets[1]) as f64
     }
 
     /// Returns the settings as a flat JSON object.
@@ -272,6 +285,18 @@ impl Stage {
         }
         all
     }
+}
+
+/// The object-rounds of a training: one object of a step that reads one set of images is one. Expected from the draws, not counted.
+///
+/// # Errors
+/// If a part is of a stage that does not exist.
+pub fn object_rounds(parts: &[Part]) -> Result<f64> {
+    parts.iter().try_fold(0.0, |sum, part| {
+        let stage = Stage::named(&part.stage)?;
+        let stage = if part.updates { stage.with_updates() } else { stage };
+        Ok(sum + ((part.range[1] - part.range[0]) * part.batch) as f64 * stage.mean_sets())
+    })
 }
 
 #[cfg(test)]
@@ -297,5 +322,28 @@ mod tests {
         assert_eq!(ends, [[120.0, 120.0], [120.0, 120.0], [120.0, 125.0]], "sharp from the first step");
         assert_eq!([0, 2199].map(|step| all[1].look(step).inverse_beta), [40.0, 60.0]);
         assert!(Stage::named("4").is_err());
+        let short = Stage { steps: 100, ..all[0].clone() };
+        assert_eq!([0, 24].map(|step| short.rate(step)), [2e-5, 5e-4], "a quarter of a short one");
+        assert!((short.rate(99) - 3.5e-4).abs() < 1e-6, "its end is the same");
+        assert_eq!([0, 25, 99].map(|step| short.look(step).inverse_beta), [10.0, 20.0, 40.0]);
+        let shortest = Stage { steps: 1, ..all[0].clone() };
+        assert_eq!((shortest.rate(0), shortest.look(0).inverse_beta), (5e-4, 10.0), "one step");
+    }
+
+    #[test]
+    fn object_rounds_are_the_mean_number_of_sets() {
+        let stage = |name: &str, updates: bool| -> Part {
+            let text = format!(
+                r#"{{"stage": "{name}", "range": [100, 300], "steps": 300, "seed": 0, "batch": 8, "block": 8, "source": "built-in",
+                "points": 0.0, "distances": 0.0, "updates": {updates}, "inverse_beta": 60.0, "start": ""}}"#
+            );
+            serde_json::from_str(&text).expect("a part")
+        };
+        let count = |parts: &[Part]| object_rounds(parts).expect("stages");
+        assert_eq!(count(&[]), 0.0);
+        assert_eq!(count(&[stage("1b", false)]), 200.0 * 8.0 * 1.5, "one or two sets");
+        assert_eq!(count(&[stage("1b", true)]), 200.0 * 8.0 * 2.0, "two");
+        assert_eq!(count(&[stage("1b", false), stage("2a", false)]), 200.0 * 8.0 * 3.5, "one to three");
+        assert!(object_rounds(&[stage("9", false)]).is_err());
     }
 }
