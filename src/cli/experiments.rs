@@ -254,7 +254,7 @@ fn section(r: &Report, seconds: &[(String, Summary)]) -> Section {
             @if !r.head.is_empty() { (report::table(&r.head, &rows)) }
             div.two.keep {
                 (chart(r))
-                @if !seconds.is_empty() { (report::table(&["fit on this machine", ">seconds"], &seconds)) }
+                @if !seconds.is_empty() { (report::table(&["time on this machine", ">seconds"], &seconds)) }
             }
         } },
     }

@@ -10,7 +10,7 @@ use crate::meter::Meter;
 use crate::shared::ForceArgs;
 use lastlight_lirm::model::file::digest;
 use lastlight_study::lirm::setup::{Named, Setup, Size};
-use lastlight_study::lirm::{limits, occupancy, relit, scenes, scoring, variants};
+use lastlight_study::lirm::{curve, limits, occupancy, relit, scenes, scoring, variants};
 use serde_json::{Map, json};
 use std::path::{Path, PathBuf};
 
@@ -20,6 +20,7 @@ const COST: &str = "occupancy";
 /// The experiments.
 const EXPERIMENTS: &Choices = &[
     ("stages", "every model after four sets"),
+    ("curve", "scores over the training, and what twice as much would add; from the results of stages"),
     ("rounds", "random and sequential order of the inputs, beside nearest input and visual hull"),
     ("controls", "state zeroed, cameras permuted, another object"),
     ("materials", "albedo, roughness and metallic beside the means of training objects"),
@@ -45,11 +46,11 @@ enum Command {
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
   lastlight lirm study --out study                                all experiments; hours
-  lastlight lirm study --model s1c,s2b,s3 --out study             with the table of stages; the last model is scored
+  lastlight lirm study --model s1c,s2b,s3 --out study             with a curve over the training; the last model is scored
   lastlight lirm study rounds controls --out trial --scale quick
   lastlight lirm study --out study --resume                       continue an interrupted study
 
-`lirm study list` lists the experiments. Objects are those of seed 2: trainings use seed 0. Variants trains five small models, 45 minutes each on two cores. Every cell (a model and an object, or a training) is a file in --out; reports are made from these files. Written to --out: study.json, one CSV per experiment and report/index.html.")]
+`lirm study list` lists the experiments. Objects are those of seed 2: trainings use seed 0. Variants trains five small models of 1 250 steps each: hours on two cores. Every cell (a model and an object, or a training) is a file in --out; reports are made from these files. Written to --out: study.json, one CSV per experiment and report/index.html.")]
 #[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 pub(crate) struct Args {
     #[command(subcommand)]
@@ -97,6 +98,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
 fn all<'a>(setup: &'a Setup, dir: &Path) -> Vec<Box<dyn Experiment + 'a>> {
     vec![
         Box::new(scoring::stages(setup)),
+        Box::new(curve::curve(setup)),
         Box::new(scoring::rounds(setup)),
         Box::new(scoring::controls(setup)),
         Box::new(scoring::materials(setup)),

@@ -89,8 +89,9 @@ impl Experiment for Added<'_> {
         }
         watch.lap("scores");
         let names = ["new_1", "new_2", "old_1", "old_2"];
-        let means = new.iter().chain(&old).map(|x| Summary::of(x).mean);
-        Ok(names.iter().zip(means).map(|(name, x)| ((*name).to_owned(), x)).collect())
+        // An object that covers the other one in all images has no such pixels, and no value.
+        let all = names.iter().zip(new.iter().chain(&old)).filter(|(_, x)| !x.is_empty());
+        Ok(all.map(|(name, x)| ((*name).to_owned(), Summary::of(x).mean)).collect())
     }
 
     fn report(&self, results: &[(Cell, Values)]) -> Report {

@@ -53,7 +53,7 @@ impl Size {
 /// A model with its name in tables.
 #[derive(Debug)]
 pub struct Named {
-    /// The stages that made it, the last of them first in tables.
+    /// The last stage that made it.
     pub name: String,
     /// The model.
     pub model: Model,
@@ -88,9 +88,17 @@ impl Setup {
     ///
     /// # Errors
     /// If there is no model.
-    pub fn new(size: Size, models: Vec<Named>) -> Result<Self> {
+    pub fn new(size: Size, mut models: Vec<Named>) -> Result<Self> {
         if models.is_empty() {
             return Err(Error::input("--model").expected("at least one model").got("none"));
+        }
+        // Rows of tables are found by their names.
+        let names: Vec<String> = models.iter().map(|m| m.name.clone()).collect();
+        for (i, model) in models.iter_mut().enumerate() {
+            let before = names[..i].iter().filter(|name| **name == names[i]).count();
+            if before > 0 {
+                model.name += &format!(" ({})", before + 1);
+            }
         }
         Ok(Self { size, models, kept: Mutex::default(), means: Mutex::default() })
     }

@@ -121,7 +121,8 @@ impl Experiment for Variants<'_> {
         let mut record = kind.config.json();
         let training = self.training(kind);
         record["stage"] = training.as_ref().map_or(Value::Null, |s| s.stage.json());
-        record["optimizer"] = training.map_or(Value::Null, |s| json!([s.optimizer.name(), s.batch, s.block]));
+        record["optimizer"] =
+            training.map_or(Value::Null, |s| json!([s.optimizer.name(), s.batch, s.block, s.average_last]));
         record["size"] = json!([
             self.setup.size.objects,
             self.setup.size.samples,

@@ -1,0 +1,253 @@
+//! Reports from made-up values: what is compared with what, and when a criterion is met.
+
+use super::setup::{Named, Setup, Size};
+use super::{curve, limits, occupancy, scenes, scoring, variants};
+use crate::experiment::{Experiment, Outcome, Report, Results, Values};
+use lastlight_lirm::model::config::Config;
+use lastlight_lirm::model::file::Model;
+use lastlight_lirm::model::origin::Part;
+use lastlight_lirm::model::params::first;
+use std::path::Path;
+
+const OBJECTS: u64 = 2;
+
+/// A model after some steps of stage 1b.
+fn model(parts: &[usize]) -> Named {
+    let config = Config { blocks: 1, width: 16, heads: 2, plane_tokens: 1, embed_tokens: 1, ..Config::SMALL };
+    let part = |&steps: &usize| Part {
+        stage: "1b".into(),
+        optimizer: "muon".into(),
+        range: [0, steps],
+        steps,
+        seed: 0,
+        batch: 8,
+        block: 8,
+        source: "built-in".into(),
+        rate: None,
+        room: None,
+        points: 0.0,
+        distances: 0.0,
+        shape_steps: 0,
+        updates: false,
+        average_last: 0,
+        inverse_beta: 60.0,
+        start: String::new(),
+    };
+    Named::new(Model { config, params: first(&config, 0), training: parts.iter().map(part).collect() })
+}
+
+fn setup(models: Vec<Named>) -> Setup {
+    Setup::new(Size { objects: OBJECTS, ..Size::smoke() }, models).expect("models")
+}
+
+/// All cells with values that depend on row and object.
+fn filled(x: &dyn Experiment, value: impl Fn(&str, u64) -> Vec<(String, f64)>) -> Results {
+    let cells = x.cells().into_iter();
+    cells
+        .map(|cell| {
+            let values: Values = value(&cell.row, cell.seed).into_iter().collect();
+            (cell, values)
+        })
+        .collect()
+}
+
+/// `NAME_1` to `NAME_4` of the object, which differs from the others by its number.
+fn by_set(name: &str, k: u64, sets: [f64; 4]) -> Vec<(String, f64)> {
+    sets.iter().enumerate().map(|(n, x)| (format!("{name}_{}", n + 1), x + k as f64)).collect()
+}
+
+fn outcome(report: &Report) -> Outcome {
+    report.outcome
+}
+
+#[test]
+fn rounds_hold_when_all_five_floors_are_met() {
+    let setup = setup(vec![model(&[10])]);
+    let x = scoring::rounds(&setup);
+    let results = |own: [f64; 4], sequential: f64, hull: [f64; 2], nearest: f64| {
+        filled(&x, |row, k| {
+            let last = if row.starts_with("random") { own } else { [own[0], own[1], own[2], sequential] };
+            let mut all = by_set("psnr_db", k, last);
+            all.extend(by_set("hull_db", k, [hull[0]; 4]));
+            all.extend(by_set("small_hull_db", k, [hull[1]; 4]));
+            all.extend(by_set("nearest_db", k, [nearest; 4]));
+            all
+        })
+    };
+    let good = ([24.0, 24.5, 24.5, 24.4], 24.2, [23.0, 20.0], 20.0);
+    let report = x.report(&results(good.0, good.1, good.2, good.3));
+    assert_eq!(outcome(&report), Outcome::Holds, "{}", report.verdict);
+    for (what, (own, sequential, hull, nearest)) in [
+        ("nearest input", (good.0, good.1, good.2, 20.1)),
+        ("hull of large images", (good.0, good.1, [23.1, 20.0], good.3)),
+        ("hull of small images", (good.0, good.1, [20.0, 23.1], good.3)),
+        ("second set", ([24.0, 24.4, 24.4, 24.4], good.1, good.2, good.3)),
+        ("orders", (good.0, 24.0, good.2, good.3)),
+        ("third set", ([24.0, 24.5, 24.2, 24.4], good.1, good.2, good.3)),
+        ("fourth set", ([24.0, 24.5, 24.5, 24.2], 24.2, good.2, good.3)),
+    ] {
+        let report = x.report(&results(own, sequential, hull, nearest));
+        assert_eq!(outcome(&report), Outcome::Fails, "{what}: {}", report.verdict);
+    }
+    let part = &results(good.0, good.1, good.2, good.3)[..3];
+    assert_eq!(outcome(&x.report(part)), Outcome::Reported, "a part of the cells decides nothing");
+}
+
+#[test]
+fn controls_hold_when_each_break_costs_what_it_should() {
+    let setup = setup(vec![model(&[10])]);
+    let x = scoring::controls(&setup);
+    let results = |zeroed: f64, permuted: f64, other: f64| {
+        filled(&x, |row, k| {
+            let second = match row {
+                "state zeroed before set 2" => 25.0 - zeroed,
+                "cameras permuted within a set" => 25.0 - permuted,
+                "set 2 of another object" => 25.0 - other,
+                _ => 25.0,
+            };
+            by_set("psnr_db", k, [24.0, second, 0.0, 0.0])
+        })
+    };
+    // The second set gains 1 dB.
+    for (what, values, expected) in [
+        ("as expected", (1.0, 3.5, 4.0), Outcome::Holds),
+        ("zeroed, nearly", (0.85, 3.5, 4.0), Outcome::Holds),
+        ("zeroed costs nothing", (0.0, 3.5, 4.0), Outcome::Fails),
+        ("zeroed costs too much", (1.3, 3.5, 4.0), Outcome::Fails),
+        ("cameras are not used", (1.0, 2.9, 4.0), Outcome::Fails),
+        ("another object is ignored", (1.0, 3.5, 2.9), Outcome::Fails),
+    ] {
+        let report = x.report(&results(values.0, values.1, values.2));
+        assert_eq!(outcome(&report), expected, "{what}: {}", report.verdict);
+    }
+}
+
+#[test]
+fn materials_hold_when_all_three_beat_the_means_under_both_lights() {
+    let setup = setup(vec![model(&[10])]);
+    let x = scoring::materials(&setup);
+    let results = |shiny_metallic: f64| {
+        filled(&x, |row, k| {
+            let metallic = if row == "shiny" { shiny_metallic } else { 0.1 };
+            let second = |name: &str, x: f64| (format!("{name}_2"), x + 1e-3 * k as f64);
+            vec![
+                second("albedo_db", 20.0),
+                second("mean_albedo_db", 18.0),
+                second("roughness", 0.1),
+                second("mean_roughness", 0.2),
+                second("metallic", metallic),
+                second("mean_metallic", 0.3),
+            ]
+        })
+    };
+    assert_eq!(outcome(&x.report(&results(0.2))), Outcome::Holds);
+    let report = x.report(&results(0.4));
+    assert_eq!(outcome(&report), Outcome::Fails);
+    assert_eq!(report.verdict, "All three are better under 1 of 2 lights.");
+    let none = filled(&x, |_, k| by_set("psnr_db", k, [20.0; 4]));
+    assert_eq!(outcome(&x.report(&none)), Outcome::Reported, "the model has no materials");
+}
+
+#[test]
+fn a_curve_has_the_gain_per_doubling_between_neighbours() {
+    // 100 steps of 8 objects with 1.5 sets each, then four times as many; given in the other order.
+    let setup = setup(vec![model(&[100, 300]), model(&[100])]);
+    let names: Vec<&str> = setup.models.iter().map(|m| m.name.as_str()).collect();
+    assert_eq!(names, ["stage 1b", "stage 1b (2)"], "names of rows differ");
+    let x = curve::curve(&setup);
+    assert_eq!(x.folder(), scoring::stages(&setup).folder(), "results are shared");
+    let results = filled(&x, |row, k| {
+        let gain = if row == "stage 1b" { 1.0 } else { 0.0 };
+        by_set("psnr_db", k, [20.0 + gain, 21.0 + 3.0 * gain, 21.0, 21.5])
+    });
+    let report = x.report(&results);
+    let rows: Vec<[&str; 4]> =
+        report.rows.iter().map(|row| [&*row[0], &*row[1], &*row[5], &*row[6]]).collect();
+    assert_eq!(
+        rows,
+        [["stage 1b (2)", "1.2", "–", "–"], ["stage 1b", "4.8", "0.50 ± 0.00", "1.50 ± 0.00"]],
+        "two doublings"
+    );
+    assert!(report.verdict.contains("would add 0.50 ± 0.00 dB after 4 images, 1.50"), "{}", report.verdict);
+}
+
+#[test]
+fn an_added_object_may_cover_the_other_one() {
+    let setup = setup(vec![model(&[10])]);
+    let x = scenes::added(&setup);
+    let results = |new: f64, old: f64| {
+        filled(&x, |_, k| {
+            let mut all = by_set("new", k, [10.0, 10.0 + new, 0.0, 0.0]);
+            if k == 0 {
+                all.extend(by_set("old", k, [22.0, 22.0 + old, 0.0, 0.0]));
+            }
+            all
+        })
+    };
+    for (new, old, expected) in
+        [(3.1, -0.9, Outcome::Holds), (2.9, -0.9, Outcome::Fails), (3.1, -1.1, Outcome::Fails)]
+    {
+        let report = x.report(&results(new, old));
+        assert_eq!(outcome(&report), expected, "{}", report.verdict);
+    }
+}
+
+#[test]
+fn limits_need_an_object_with_mirrors() {
+    let setup = setup(vec![model(&[10])]);
+    let x = limits::limits(&setup);
+    let results = |mirror: Option<f64>| {
+        filled(&x, |_, _| {
+            let mirrors = mirror.into_iter().flat_map(|db| [("mirror_db", db), ("other_db", 20.0)]);
+            mirrors.chain([("detail", 0.1)]).map(|(name, x)| (name.to_owned(), x)).collect()
+        })
+    };
+    assert_eq!(outcome(&x.report(&results(Some(15.0)))), Outcome::Holds, "mirrors are worse");
+    assert_eq!(outcome(&x.report(&results(Some(25.0)))), Outcome::Fails, "mirrors are better");
+    assert_eq!(outcome(&x.report(&results(None))), Outcome::Reported, "no mirror was seen");
+}
+
+#[test]
+fn a_grid_is_filled_in_a_row_of_its_own() {
+    let setup = setup(vec![model(&[10])]);
+    let x = occupancy::occupied(&setup);
+    let results = filled(&x, |row, _| match row {
+        "filling the grid" => vec![("occupied".into(), 0.02)],
+        "all steps" => vec![("kept".into(), 0.5)],
+        _ => vec![("kept".into(), 0.08)],
+    });
+    let report = x.report(&results);
+    assert_eq!(outcome(&report), Outcome::Holds, "{}", report.verdict);
+    let rows: Vec<&str> = report.rows.iter().map(|row| &*row[2]).collect();
+    assert_eq!(rows, ["50.0 ± 0.0", "2.0 ± 0.0", "8.0 ± 0.0"]);
+}
+
+#[test]
+fn variants_are_paired_by_object() {
+    let setup = setup(vec![model(&[10])]);
+    let x = variants::variants(&setup, Path::new("out"));
+    let results = filled(&x, |row, _| {
+        let own = match row {
+            "hexa NDE" => 1.0,
+            "hexa diffuse" => 0.75,
+            "tri NDE" => 0.5,
+            "no update" => 0.25,
+            _ => 1.125,
+        };
+        // Objects differ by much more than the kinds of models do.
+        (0..OBJECTS)
+            .flat_map(|k| (1..=3).map(move |set| (k, set)))
+            .map(|(k, set)| (format!("psnr_db_{set}_{k:03}"), 10.0 * k as f64 + f64::from(set) * own))
+            .collect()
+    });
+    let report = x.report(&results);
+    for told in [
+        "NDE − diffuse, 8 images: 0.50 ± 0.00 dB",
+        "hexa − tri, 8 images: 1.00 ± 0.00 dB",
+        "update − no update, 4 images: 0.75 ± 0.00 dB",
+        "update − no update, 12 images: 2.25 ± 0.00 dB",
+        "second seed − first, 8 images: 0.25 ± 0.00 dB",
+    ] {
+        assert!(report.verdict.contains(told), "{told}: {}", report.verdict);
+    }
+}
