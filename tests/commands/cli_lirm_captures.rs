@@ -1,6 +1,6 @@
 //! `lirm` on captures of any kind, with a model of a configuration file: other scales, sizes and lenses, and what is refused.
 
-use crate::program::{json, lastlight, refused};
+use crate::program::{json, lastlight, refused, stderr};
 use lastlight::lirm::model::state::State;
 use serde_json::{Value, json};
 use std::path::Path;
@@ -139,12 +139,17 @@ fn sizes_and_lenses_may_differ() {
         )
     };
     let four = "--inputs 0000,0001,0002,0003";
-    assert_eq!(read("large-photos", four, "cut")["sets"], json!([4]), "cut to one size");
-    assert_eq!(
-        read("large-photos", &format!("{four} --downscale 1"), "own")["sets"],
-        json!([4]),
-        "as they are: multiples of 8"
-    );
+    let cut = read("large-photos", four, "cut");
+    let own = read("large-photos", &format!("{four} --downscale 1"), "own");
+    assert_eq!((&cut["sets"], &own["sets"]), (&json!([4]), &json!([4])), "cut to one size; as they are");
+    let large = read("large-photos", "--inputs 0000,0001 --downscale 1", "same");
+    assert_ne!(cut["digest"], own["digest"], "other pixels");
+    assert_ne!(own["digest"], large["digest"], "the images of another size count");
+    // 64 tokens for each image of 64², 36 for one of 48².
+    let text =
+        format!("lirm reconstruct large-photos --model tiny.safetensors {four} --downscale 1 --out told");
+    let (told, of_state) = (stderr(&lastlight(&line(&text), dir)), 6 * 4 + 4);
+    assert!(told.contains(&format!("{} tokens in the largest set", of_state + 2 * 64 + 2 * 36)), "{told}");
     refused(
         &line("lirm reconstruct large-photos --model tiny.safetensors --inputs 0002 --downscale 4 --out d"),
         dir,
@@ -190,6 +195,18 @@ fn a_configuration_file_makes_other_models() {
     runs("lirm gen --views 6 --size 64 --samples 1 --texture 32 --out set -q", dir);
     let read = "lirm reconstruct set/object_00000/uniform --model wide.safetensors --out wide --json -q";
     assert!(json(&line(read), dir)["evaluation"]["mean"]["psnr_db"].is_number(), "a field of a wide model");
+    let told =
+        lastlight(&line("lirm reconstruct set/object_00000/uniform --model wide.safetensors --out w"), dir);
+    let told = stderr(&told);
+    let count = format!("{} parameters", wide["parameters"]);
+    assert!(
+        [&*count, "tokens in the largest set", "MiB", "GFLOP"].iter().all(|part| told.contains(part)),
+        "{told}"
+    );
+    std::fs::write(dir.join("huge.json"), r#"{"blocks": 48, "width": 4096, "heads": 64}"#).expect("written");
+    let huge = "lirm init --config huge.json --max-memory 1G --out d";
+    refused(&line(huge), dir, 2, &["lirm init", "--max-memory"]);
+    assert!(!dir.join("d").exists(), "nothing is written");
     std::fs::write(dir.join("bad.json"), r#"{"depth": 3}"#).expect("written");
     refused(&line("lirm init --config bad.json --out d"), dir, 2, &["bad.json", "depth", "blocks"]);
     std::fs::write(dir.join("bad.json"), "{").expect("written");

@@ -37,7 +37,7 @@ const COLUMNS: [(&str, &str, usize); 21] = [
     ("gray", "grey", 3),
     ("numerical_normals_deg", "normals", 1),
     ("distance_radii", "surface", 4),
-    ("has_surface", "surf found", 2),
+    ("has_surface", "found", 2),
     ("albedo_db", "albedo", 2),
     ("mean_albedo_db", "of mean", 2),
     ("roughness", "roughness", 3),
@@ -110,6 +110,9 @@ pub(crate) struct Args {
 pub(super) fn run(args: &Args) -> Result<()> {
     if !(0.0..=1.0).contains(&args.tint) {
         return Err(Error::input("--tint").expected("0 to 1").got(args.tint.to_string()));
+    }
+    if let Some(x) = args.inverse_beta.filter(|x| !(*x > 0.0 && x.is_finite())) {
+        return Err(Error::input("--inverse-beta").expected("a number above 0").got(x.to_string()));
     }
     let mut meter = Meter::new();
     let (model, name) = weights::model(args.model.as_deref(), &meter)?;

@@ -2,6 +2,7 @@
 
 use crate::choices::{Choices, choices};
 use crate::fit::field::place::Pose;
+use crate::io::memory;
 use crate::io::safetensors::Precision;
 use crate::meter::Meter;
 use crate::{Result, claim, console as cli, io};
@@ -19,7 +20,7 @@ pub(super) const POSES: &Choices = &[
         "upright",
         "z up as it is in the images, for captures with other axes; the first input camera is above the positive x axis",
     ),
-    ("first-camera", "those of the first input camera, as published"),
+    ("first-camera", "those of the first input camera, an option of DTC's published code"),
 ];
 
 /// Values of `--first-values`.
@@ -64,6 +65,9 @@ impl FirstArgs {
     }
 }
 
+/// Bytes of a parameter: in single precision, as it is read back from half precision, and in the file.
+const BYTES: u64 = 4 + 4 + 2;
+
 /// Write a LIRM model with first values.
 #[derive(clap::Args)]
 #[command(after_help = r#"Examples:
@@ -98,6 +102,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let meter = Meter::new();
     let named = args.choices.config(&args.config)?;
     let config = Config { is_whole: args.whole || named.is_whole, ..named };
+    memory::check("lirm init", BYTES * count(&config) as u64)?;
     claim::file(&args.out, args.force)?;
     let model = Model { config, params: first(&config, args.seed), training: Vec::new() }.halved();
     model.write(&args.out, Precision::Half)?;

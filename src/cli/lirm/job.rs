@@ -114,7 +114,7 @@ fn announce(config: &Config, sets: &[Vec<Input>], meter: &mut Meter) -> Result<(
         let before = meter.seconds();
         (0..4).for_each(|_| gemm(of(), of(), Finish::Store, &mut product));
         let rate = 8.0 * (SAMPLE * SAMPLE * SAMPLE) as f64 / (meter.seconds() - before);
-        line += &format!(", about {} at {:.0} GFLOP/s", report::seconds(operations / rate), 1e-9 * rate);
+        line += &format!(", at least {} at {:.0} GFLOP/s", report::seconds(operations / rate), 1e-9 * rate);
     }
     meter.note(&line);
     Ok(())
@@ -206,7 +206,9 @@ impl Job<'_> {
         meter.lap("transformer");
         let field = ready.decode(&tokens, self.look, place);
         meter.lap("decoding");
-        let (mut read_so_far, mut images) = before.map_or_else(Default::default, |s| (s.sets, s.images));
+        let (mut read_so_far, mut all_changes, mut images) =
+            before.map_or_else(Default::default, |s| (s.sets, s.changes, s.images));
+        all_changes.extend(&changes);
         read_so_far.extend(sets.iter().map(Vec::len));
         images.extend(self.sets.iter().flatten().map(|i| pictures.pictures[*i].name.clone()));
         let state = State {
@@ -215,6 +217,7 @@ impl Job<'_> {
             config: model.config,
             model: digest(&model.params),
             sets: read_so_far,
+            changes: all_changes,
             images,
             exposure: pictures.exposure,
         };
@@ -229,7 +232,7 @@ impl Job<'_> {
         let cells = view::occupancy(&field)?;
         let scored = held_out.into_iter().map(|t| score(&field, &cells, t)).collect::<Result<Vec<_>>>()?;
         meter.lap("evaluation");
-        if let [.., a, b] = changes[..]
+        if let [.., a, b] = state.changes[..]
             && order::max(a, b) < SETTLED
         {
             meter

@@ -36,7 +36,8 @@ pub const HALF_SIZE: f32 = 0.525;
 pub enum Fuse {
     /// The tokens are the output of the network alone.
     Published,
-    /// The output of the network, which is 0 at first, is added to the place tokens.
+    /// The output of the network is added to the place tokens. It is 0 at first with the published first values, and half of the channels of the last state
+    /// with the scaled ones.
     #[default]
     Residual,
 }

@@ -6,8 +6,8 @@
 //! | `placement/center`, `placement/scale`, `placement/rotation` | (3), (1), (3, 3) | x = Q·(X − centre)·scale |
 //!
 //! Metadata: `kind`, `version`, `configuration` of the model, `model` (digest of its weights), `sets` (numbers of images, in the order in
-//! which they were read), `images` (their names, which are not scored as held-out images later), `exposure` (factor from radiance to the
-//! images). The arrays do not grow with the number of images; the two lists do, by a few bytes per image.
+//! which they were read), `changes` (relative change of the tokens by each of them; absent in files of earlier versions), `images` (their names, which are not scored as held-out images later), `exposure` (factor from radiance to the
+//! images). The arrays do not grow with the number of images; the three lists do, by a few bytes per image and set.
 
 use super::config::Config;
 use crate::io::safetensors;
@@ -35,6 +35,8 @@ pub struct State {
     pub model: String,
     /// Numbers of images, set by set.
     pub sets: Vec<usize>,
+    /// Relative changes of the tokens, set by set; empty if they were not recorded.
+    pub changes: Vec<f64>,
     /// Names of the images that were read.
     pub images: Vec<String>,
     /// Factor from radiance to the images.
@@ -60,6 +62,7 @@ impl State {
             ("configuration".to_owned(), self.config.json().to_string()),
             ("model".to_owned(), self.model.clone()),
             ("sets".to_owned(), sets.join(" ")),
+            ("changes".to_owned(), serde_json::Value::from(self.changes.clone()).to_string()),
             ("images".to_owned(), serde_json::Value::from(self.images.clone()).to_string()),
             ("exposure".to_owned(), self.exposure.to_string()),
         ]);
@@ -93,6 +96,9 @@ fn parse(arrays: &Arrays, meta: &BTreeMap<String, String>) -> Result<State> {
     };
     let sets: Option<Vec<usize>> = text("sets")?.split_whitespace().map(|n| n.parse().ok()).collect();
     let Some(sets) = sets else { return Err(wrong("sets", "numbers of images")?) };
+    let recorded = meta.get("changes").map_or("[]", String::as_str);
+    let changes: Option<Vec<f64>> = serde_json::from_str(recorded).ok();
+    let Some(changes) = changes else { return Err(wrong("changes", "a list of numbers")?) };
     let Ok(images) = serde_json::from_str(text("images")?) else {
         return Err(wrong("images", "a list of names")?);
     };
@@ -123,7 +129,7 @@ fn parse(arrays: &Arrays, meta: &BTreeMap<String, String>) -> Result<State> {
             .got(format!("{rotation:?}")));
     }
     let placement = Placement { center: std::array::from_fn(|k| center[k]), scale: scale[0], rotation };
-    Ok(State { tokens, placement, config, model: text("model")?.clone(), sets, images, exposure })
+    Ok(State { tokens, placement, config, model: text("model")?.clone(), sets, changes, images, exposure })
 }
 
 /// Whether rows are orthonormal and right-handed, to 10⁻⁶.
@@ -156,12 +162,18 @@ mod tests {
             config,
             model: "0123456789abcdef".to_owned(),
             sets: vec![4, 3],
+            changes: vec![1.0, 0.1 + 0.2],
             images: ["0001.png", "a \"b\".png"].map(str::to_owned).into(),
             exposure: 1.7,
         };
         let path = dir.path().join(FILE);
         state.write(&path).expect("written");
         assert_eq!(State::read(dir.path()).expect("the file in the folder"), state);
+        let mut old = safetensors::read(&path).expect("a file");
+        old.metadata.remove("changes");
+        let earlier = dir.path().join("earlier");
+        safetensors::write(&earlier, &old.arrays, &old.metadata).expect("written");
+        assert_eq!(State::read(&earlier).expect("a file of an earlier version").changes, [0.0; 0]);
         let write = |change: &dyn Fn(&mut Arrays, &mut BTreeMap<String, String>)| {
             let mut file = safetensors::read(&path).expect("a file");
             change(&mut file.arrays, &mut file.metadata);
@@ -189,6 +201,8 @@ mod tests {
         assert!(e.contains("scale"), "{e}");
         let e = write(&|_, m| drop(m.insert("sets".to_owned(), "4 x".to_owned())));
         assert!(e.contains("sets"), "{e}");
+        let e = write(&|_, m| drop(m.insert("changes".to_owned(), "[\"x\"]".to_owned())));
+        assert!(e.contains("changes"), "{e}");
         let e = write(&|_, m| drop(m.insert("images".to_owned(), "[1]".to_owned())));
         assert!(e.contains("images"), "{e}");
         let e = write(&|_, m| drop(m.insert("exposure".to_owned(), "0".to_owned())));
