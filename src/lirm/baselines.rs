@@ -8,7 +8,7 @@
 //!
 //! A point of the hull's surface is seen by an input if the hull does not begin more than [`SLACK`] in front of it. A pixel that the object
 //! covers in part shows the object's share, not the white behind it. Images of the hull are means over 2×2 rays per pixel. Both are given
-//! the true foreground; the model reads colours over white alone.
+//! the true foreground. A model that reads marked backgrounds (`small`) gets it too, one that reads colours over white (`paper`) does not.
 
 use super::views::View;
 use crate::fit::field::targets::share;

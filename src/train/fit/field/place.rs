@@ -137,7 +137,7 @@ impl Pose {
     }
 }
 
-/// Returns the placement with its axes turned. LIRM turns the world by the inverse rotation of the first camera; a model that was trained with
+/// Returns the placement with its axes turned. DTC's code can turn the world by the inverse rotation of the first camera (whether LIRM did is not published); a model that was trained with
 /// z up needs that direction.
 ///
 /// # Errors
