@@ -77,7 +77,7 @@ fn a_model_reads_images_and_more_of_them() {
     let names: Vec<&str> =
         frames["frames"].as_array().expect("frames").iter().filter_map(|f| f["file_path"].as_str()).collect();
     let [first, others] = [names[..4].join(","), names[4..].join(",")];
-    json(
+    let begun = json(
         &["lirm", "reconstruct", capture, "--model", "m", "--inputs", &first, "--out", "a", "--json", "-q"],
         dir,
     );
@@ -99,6 +99,8 @@ fn a_model_reads_images_and_more_of_them() {
     ];
     let two = json(&args, dir);
     assert_eq!(two["digest"], one["digest"]);
+    assert_eq!(two["evaluation"]["before"], begun["evaluation"]["mean"], "an update tells what it adds");
+    assert!(begun["evaluation"]["before"].is_null(), "nothing was read before");
     let changes = |record: &Value| record["changes"].as_array().expect("a list").clone();
     assert_eq!(
         (changes(&one)[0].as_f64(), &changes(&one)[1..]),

@@ -45,6 +45,8 @@ const SAMPLE: usize = 512;
 const LONG: f64 = 1e12;
 /// Change of a state below which, twice in a row, a note states that further sets change little.
 const SETTLED: f64 = 1e-2;
+/// Gain in dB on held-out images below which the same is stated.
+const LITTLE: f64 = 0.1;
 /// Cosine of the largest angle between up in the images and z for which a capture is z up.
 const LEVEL: f64 = 0.94;
 
@@ -202,6 +204,7 @@ impl Job<'_> {
         announce(&model.config, &sets, meter)?;
         let ready = Ready::new(model.config, &model.params);
         let start = before.as_ref().map_or_else(|| ready.no_state(), |s| s.tokens.clone());
+        let is_update = before.is_some();
         let (tokens, changes) = ready.read_all(&start, &sets);
         meter.lap("transformer");
         let field = ready.decode(&tokens, self.look, place);
@@ -229,8 +232,17 @@ impl Job<'_> {
         if !seen.is_empty() {
             meter.note(&format!("{} of the capture's test images were read and are not scored", seen.len()));
         }
-        let cells = view::occupancy(&field)?;
-        let scored = held_out.into_iter().map(|t| score(&field, &cells, t)).collect::<Result<Vec<_>>>()?;
+        let scores = |field: &Field| -> Result<Vec<Scores>> {
+            let cells = view::occupancy(field)?;
+            held_out.iter().map(|t| score(field, &cells, t)).collect()
+        };
+        let scored = scores(&field)?;
+        // The state before, on the same images.
+        let earlier = if is_update && !held_out.is_empty() {
+            Some(means(&scores(&ready.decode(&start, self.look, place))?))
+        } else {
+            None
+        };
         meter.lap("evaluation");
         if let [.., a, b] = state.changes[..]
             && order::max(a, b) < SETTLED
@@ -238,7 +250,7 @@ impl Job<'_> {
             meter
                 .note("the last two sets changed the state by less than 1 %: more images will change little");
         }
-        let outcome = self.outcome((&state, &changes), &field, &scored, dir, meter)?;
+        let outcome = self.outcome((&state, &changes), &field, (&scored, earlier), dir, meter)?;
         Ok(Made { state, field, scored, outcome })
     }
 
@@ -247,7 +259,7 @@ impl Job<'_> {
         &self,
         (state, changes): (&State, &[f64]),
         field: &Field,
-        scored: &[Scores],
+        (scored, earlier): (&[Scores], Option<Value>),
         dir: &Path,
         meter: &Meter,
     ) -> Result<Outcome> {
@@ -256,11 +268,15 @@ impl Job<'_> {
         let means = means(scored);
         let views: Vec<Value> = scored.iter().map(|s| s.json()).collect();
         let digest = field.digest()?;
-        let record = json!({
+        let held_out_db = means["psnr_db"].as_f64().unwrap_or(f64::NAN);
+        let mut record = json!({
             "kind": self.kind, "lastlight": env!("CARGO_PKG_VERSION"), "digest": digest, "sets": state.sets, "changes": changes, "exposure": state.exposure,
             "arguments": cli::arguments(), "build": version::record(), "settings": self.settings, "seconds": meter.seconds(),
             "evaluation": {"mean": means, "views": views},
         });
+        if let Some(earlier) = &earlier {
+            record["evaluation"]["before"] = earlier.clone();
+        }
         atomic::write_bytes(&dir.join(RESULT), format!("{record:#}\n").as_bytes())?;
         let images = self.sets.iter().flatten().count();
         let page = page::page(&page::Input {
@@ -272,8 +288,13 @@ impl Job<'_> {
             benchmark: None,
             run: Run::new(&record["settings"], None, meter, dir, &names),
         })?;
-        let lines = vec![
-            page::summary(&means),
+        let mut lines = vec![page::summary(&means)];
+        if let Some(before) = earlier.as_ref().and_then(|means| means["psnr_db"].as_f64()) {
+            let gain = held_out_db - before;
+            let little = if gain < LITTLE { ": more images will change little" } else { "" };
+            lines.push(format!("before      {before:.2} dB on the same images ({gain:+.2} dB{little})"));
+        }
+        lines.extend([
             format!("images      {images} in {}", counted(self.sets.len(), "set")),
             format!(
                 "change      {} of the state, set by set",
@@ -283,8 +304,7 @@ impl Job<'_> {
             format!("time        {}", report::seconds(meter.seconds())),
             format!("field       {}", dir.join(FIELD).display()),
             format!("next        lastlight field mesh {} --out mesh.glb", dir.display()),
-        ];
-        let held_out_db = means["psnr_db"].as_f64().unwrap_or(f64::NAN);
+        ]);
         Ok(Outcome { record, page: Some(page), lines, held_out_db })
     }
 }

@@ -114,11 +114,14 @@ pub(super) fn text(parts: &[Part]) -> String {
 /// Reads such a text.
 ///
 /// # Errors
-/// If it is not one, or a part has steps that its stage does not have.
+/// If it is not one, or a part has steps that its stage does not have, or an impossible 1/β.
 pub(super) fn parse(text: &str) -> Result<Vec<Part>> {
     let refused = |got: String| Error::input("metadata").at("training").expected("parts of stages").got(got);
     let parts: Vec<Part> = serde_json::from_str(text).map_err(|e| refused(e.to_string()))?;
     let is_bad = |part: &&Part| part.range[0] >= part.range[1] || part.range[1] > part.steps;
+    if let Some(bad) = parts.iter().find(|part| !(part.inverse_beta > 0.0 && part.inverse_beta.is_finite())) {
+        return Err(refused(format!("1/β {}", bad.inverse_beta)));
+    }
     match parts.iter().find(is_bad) {
         Some(bad) => Err(refused(format!("steps {:?} of {}", bad.range, bad.steps))),
         None => Ok(parts),
@@ -163,6 +166,8 @@ mod tests {
             let e = parse(&text(&[part("1a", range, 60.0)])).expect_err("no such steps").to_string();
             assert!(e.contains("of 10"), "{e}");
         }
+        let e = parse(&text(&[part("1a", [0, 3], -60.0)])).expect_err("a density below 0").to_string();
+        assert!(e.contains("1/β"), "{e}");
         let e = parse("[{}]").expect_err("no part").to_string();
         assert!(e.contains("training") && e.contains("stage"), "{e}");
     }
