@@ -138,6 +138,7 @@ const RARE: &[&str] = &[
     "gender",
     "gradients-at-once",
     "graph-from",
+    "head-rate",
     "heads",
     "hide",
     "independence-on",

@@ -115,7 +115,17 @@ impl Source for Balls {
 fn settings(stage: &str, distances: f32, optimizer: Kind) -> Settings {
     let stage = Stage::named(stage).expect("a stage").with_distances(distances);
     let stage = Stage { steps: STEPS, samples: SAMPLES, rise: 2, target: [64, 16], ..stage };
-    Settings { stage, optimizer, seed: 5, batch: 2, block: 2, at_once: 2, recompute: false, average_last: 0 }
+    Settings {
+        stage,
+        optimizer,
+        head_rate: 1.0,
+        seed: 5,
+        batch: 2,
+        block: 2,
+        at_once: 2,
+        recompute: false,
+        average_last: 0,
+    }
 }
 
 fn trained(kind: &str) -> String {

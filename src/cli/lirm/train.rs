@@ -41,14 +41,14 @@ const OPTIMIZERS: &Choices =
   lastlight lirm train --stage 1a --out s1a
   lastlight lirm train --stage 1b --from s1a --out s1b      the next stage, with fresh moments
   lastlight lirm train --stage 1a --out s1a --resume        go on after an interruption, with the same bits
-  lastlight lirm train --stage 1a --steps 100 --out quick   the same schedule, shorter
+  lastlight lirm train --stage 1a --iterations 100 --out quick   the same schedule, shorter
   lastlight lirm train --stage 1a --until 700 --out a       the first 700 steps
   lastlight lirm train --stage 1a --from a --out s1a        the remaining steps, with fresh moments
   lastlight lirm train set --stage 1a --out s1a             objects of lirm gen --views 20 --size 128 --lighting both --shiny
   lastlight lirm train --stage 1a --shape-steps 600 --distances 60 --optimizer muon --rate 1e-3 --until 600 --out s1a
                                                             a beginning like that of the included weights
 
-Objects are rendered in memory with the pixels of lirm gen (20 images of 128x128 with 8 samples per pixel); each is in twelve steps, turned about the vertical by a drawn angle (with axes of the first image this changes nothing but rounding). Written to --out: model.safetensors (half precision, for --from), a checkpoint, result.json and report/index.html. The number of threads changes the time, not the result.")]
+Objects are rendered in memory with the pixels of lirm gen (20 images of 128x128 with 8 samples per pixel); each is in twelve steps, turned about the vertical by a drawn angle (with axes of the first image this changes nothing but rounding). The defaults (adamw, renders from the first step, no signed distances) are not the recipe of the included model: trainings that began with renders hardly used their cameras. Its commands are in reference/weights/README.md. A step of eight objects takes 3 to 5 seconds on two cores of a Zen 4 or Zen 5, 7.5 on an Emerald Rapids, 13 on a Zen 1, and half as long again from stage 2a on: a stage takes hours. Written to --out: model.safetensors (half precision, for --from), a checkpoint, result.json and report/index.html. The number of threads changes the time, not the result.")]
 pub(crate) struct Args {
     /// Set of lirm gen to train on, 20 images of 128x128 per object [default: built-in objects, rendered in memory]
     #[arg(value_name = "DIR")]
@@ -70,7 +70,7 @@ pub(crate) struct Args {
     choices: FirstArgs,
     /// Steps [default: those of the stage]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
-    steps: Option<u32>,
+    iterations: Option<u32>,
     /// Stop after this step of the stage; a training with --from and otherwise equal options goes on with the next one [default: the last]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     until: Option<u32>,
@@ -78,26 +78,29 @@ pub(crate) struct Args {
     /// its successor weighs both by 10
     #[arg(long, value_name = "X", default_value_t = 0.0)]
     points: f32,
-    /// Weight of the squared error of the signed distance at points around the object, from its mesh; with it, 1/β begins at 30 and is 120 at the end
-    /// of stage 1a and later
+    /// Weight of the squared error of the signed distance at points around the object, from its mesh; with it, 1/β rises from 30 to 120 in stage 1a,
+    /// stays 120, and ends at 125 in stage 3
     #[arg(long, value_name = "X", default_value_t = 0.0)]
     distances: f32,
     /// Steps at the beginning that compare signed distances alone: nothing is rendered, and colours and normals are not learned
     #[arg(long, value_name = "N", default_value_t = 0)]
     shape_steps: u32,
-    /// Draw for the second set: every object has at least two sets, of two to five images, and targets that are not in the first
+    /// Emphasise later sets: at least two sets of two to five images per object, and targets that are not in the first set
     #[arg(long)]
     updates: bool,
     /// The model is the mean of the weights over this many last steps [default: the weights after the last step]
     #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
     average_last: u32,
-    /// Learning rate after the warm-up; the last one changes with it [default: that of the stage]
+    /// Learning rate after the warm-up; the final rate is scaled by the same factor [default: that of the stage]
     #[arg(long, value_name = "X")]
     rate: Option<f64>,
-    /// Largest part of its size that an object gives up for a random place in the box [default: that of the stage]
+    /// Factor on the learning rate of the heads that stage 2 adds: albedo, roughness and metallic, ρ
+    #[arg(long, value_name = "X", default_value_t = 1.0)]
+    head_rate: f64,
+    /// Scale every object by a random factor from 1 − X to 1 and move it to a random place in the box [default: that of the stage]
     #[arg(long, value_name = "X")]
     room: Option<f64>,
-    /// What updates the matrices of the blocks; all other arrays have adamw
+    /// Optimiser of the matrices of the blocks and of nn.fuse; all other arrays use adamw
     #[arg(long, value_name = "NAME", default_value = "adamw", value_parser = choices(OPTIMIZERS))]
     optimizer: String,
     /// Objects per step
@@ -122,7 +125,7 @@ pub(crate) struct Args {
 impl Args {
     fn settings(&self) -> Result<Settings> {
         let mut stage = Stage::named(&self.stage)?;
-        if let Some(steps) = self.steps {
+        if let Some(steps) = self.iterations {
             stage.steps = steps as usize;
         }
         if let Some(rate) = self.rate {
@@ -138,6 +141,7 @@ impl Args {
         stage.validate()?;
         Ok(Settings {
             stage,
+            head_rate: self.head_rate,
             optimizer: Kind::named(&self.optimizer).unwrap_or_default(),
             seed: self.filling.seed,
             batch: usize::from(self.batch),

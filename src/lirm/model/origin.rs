@@ -1,8 +1,9 @@
 //! The training that produced a model: parts of stages, one after the other.
 //!
-//! A stage is one part, or several if it was stopped and continued from a file. The weights that a part begins with are the result of the part
-//! before it, or, in the first part, first values that depend on the configuration and the seed. With the configuration and the version of the
-//! program, the list is all that decides the weights.
+//! A stage is one part, or several if it was stopped and continued from a file. The weights that a part
+//! begins with are the result of the part before it, or, in the first part, first values that depend on the
+//! configuration and the seed. With the configuration and the version of the program, the list is all that
+//! decides the weights.
 
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -34,7 +35,12 @@ pub struct Part {
     /// Learning rate after the warm-up, where it is not that of the stage.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rate: Option<f64>,
-    /// Largest part of its size that an object gives up for a random place, where it is not that of the stage.
+    /// Learning rate of the heads that stage 2 adds, in units of that of the others, where it is not the
+    /// same.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub head_rate: Option<f64>,
+    /// Largest part of its size that an object gives up for a random place, where it is not that of the
+    /// stage.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub room: Option<f64>,
     /// Weight of surface points.
@@ -143,6 +149,7 @@ mod tests {
             block: 200,
             source: "a set".to_owned(),
             rate: Some(2e-3),
+            head_rate: Some(8.0),
             room: None,
             points: 0.0,
             distances: 0.1,

@@ -16,17 +16,20 @@
 //! clip every array to length 1 ──► optimizer
 //! ```
 //!
-//! The state between sets is detached: no gradient flows through it, so a step needs the memory of one set. The loss is the mean over
-//! objects, sets and crops.
+//! The state between sets is detached: no gradient flows through it, so a step needs the memory of one set.
+//! The loss is the mean over objects, sets and crops.
 //!
-//! A stage can be made in parts: [`Training::stop_after`] ends it after a step, and [`Training::continue_from`] goes on from the weights, with fresh moments and a rate
-//! that rises again over twenty steps. Draws, rates and 1/β are those of the step of the whole stage.
+//! A stage can be made in parts: [`Training::stop_after`] ends it after a step, and
+//! [`Training::continue_from`] goes on from the weights, with fresh moments and a rate that rises again over
+//! twenty steps. Draws, rates and 1/β are those of the step of the whole stage.
 //!
-//! While the rate is high, weights swing around better ones. [`Settings::average_last`] makes the result the mean of the weights after each of the last steps (stochastic weight averaging, Izmailov et
-//! al. 2018): mₖ = mₖ₋₁ + (wₖ − mₖ₋₁)/k in single precision. The steps themselves do not change.
+//! While the rate is high, weights swing around better ones. [`Settings::average_last`] makes the result the
+//! mean of the weights after each of the last steps (stochastic weight averaging, Izmailov et al. 2018): mₖ =
+//! mₖ₋₁ + (wₖ − mₖ₋₁)/k in single precision. The steps themselves do not change.
 //!
-//! Every draw is a function of seed, step and place in the batch, and objects are made by index, so a training that is resumed has the bits of one that
-//! was not interrupted. Neither threads nor `at_once` nor recomputation change a bit.
+//! Every draw is a function of seed, step and place in the batch, and objects are made by index, so a
+//! training that is resumed has the bits of one that was not interrupted. Neither threads nor `at_once` nor
+//! recomputation change a bit.
 
 pub mod distances;
 mod draws;
@@ -85,11 +88,15 @@ pub struct Settings {
     pub stage: Stage,
     /// What updates the matrices of the blocks.
     pub optimizer: Kind,
+    /// Learning rate of the heads that stage 2 adds (albedo, roughness and metallic, ρ), in units of that of
+    /// all other arrays.
+    pub head_rate: f64,
     /// Seed of first values and draws.
     pub seed: u64,
     /// Objects per step.
     pub batch: usize,
-    /// Objects that are in memory at once: each is in twelve batches, in random order, and then the next ones follow.
+    /// Objects that are in memory at once: each is in twelve batches, in random order, and then the next ones
+    /// follow.
     pub block: usize,
     /// Objects whose gradients are in memory at once; changes no bit.
     pub at_once: usize,
@@ -99,21 +106,33 @@ pub struct Settings {
     pub average_last: usize,
 }
 
-/// Bytes of an object in memory: twenty images of 128² pixels with their passes, and the points with distances.
+/// Bytes of an object in memory: twenty images of 128² pixels with their passes, and the points with
+/// distances.
 const OBJECT_BYTES: usize = 23 << 20;
 
 impl Settings {
-    /// Returns the bytes that a training needs, about: the objects that are in memory; weights, their mean, moments and gradients; what the blocks save for the
-    /// largest sets of images, twelve arrays of all tokens per block.
+    /// Returns the bytes that a training needs, about: the objects that are in memory; weights, their mean,
+    /// moments and gradients; what the blocks save for the largest sets of images, twelve arrays of all
+    /// tokens per block.
     pub fn memory(&self, config: &Config) -> u64 {
         let whole = Config { is_whole: self.stage.is_whole || config.is_whole, ..*config };
         let at_once = Ord::min(self.at_once, self.batch);
         let mean = usize::from(self.average_last > 0);
-        let weights = count(&whole) * (5 + mean + at_once);
+        // The gradients of a set, and the sums over those before it.
+        let weights = count(&whole) * (5 + mean + 2 * at_once);
         let tokens = whole.state_tokens() + self.stage.images[1] * object::INPUT_TOKENS;
         let kept = if self.recompute { 12 + whole.blocks } else { 12 * whole.blocks };
         let saved = at_once * (kept * tokens * whole.width + 3 * whole.texels());
-        (4 * (weights + saved) + self.block * OBJECT_BYTES) as u64
+        (4 * (weights + saved) + self.most_blocks() * self.block * OBJECT_BYTES) as u64
+    }
+
+    /// The blocks of objects that a step is in, at most.
+    fn most_blocks(&self) -> usize {
+        let (batch, uses) = (self.batch, stage::USES * self.block);
+        if uses.is_multiple_of(batch) || batch.is_multiple_of(uses) {
+            return batch.div_ceil(uses);
+        }
+        batch.saturating_sub(1).div_ceil(uses) + 1
     }
 }
 
@@ -137,8 +156,8 @@ pub struct Training<'a> {
 }
 
 impl<'a> Training<'a> {
-    /// Begins a stage: with first values, or from the weights of the stage before. A stage with all heads makes a whole model of a
-    /// plain one.
+    /// Begins a stage: with first values, or from the weights of the stage before. A stage with all heads
+    /// makes a whole model of a plain one.
     ///
     /// # Errors
     /// When a setting is out of its range, or the weights are those of another configuration.
@@ -154,6 +173,10 @@ impl<'a> Training<'a> {
             let got = settings.average_last.to_string();
             return Err(Error::input("--average-last").expected("at most the steps of the stage").got(got));
         }
+        if !(settings.head_rate > 0.0 && settings.head_rate <= 1e3) {
+            let got = settings.head_rate.to_string();
+            return Err(Error::input("--head-rate").expected("above 0, at most 1 000").got(got));
+        }
         if settings.batch == 0 || settings.at_once == 0 || settings.block == 0 {
             return Err(Error::input("--batch").expected("at least one object").got("none"));
         }
@@ -164,7 +187,7 @@ impl<'a> Training<'a> {
             Some(params) => params.clone(),
         };
         let config = whole;
-        let states = States::new(settings.optimizer, &begun)?;
+        let states = States::new(settings.optimizer, settings.head_rate, &begun)?;
         let start = digest(&begun);
         Ok(Self {
             range: [0, settings.stage.steps],
@@ -201,15 +224,20 @@ impl<'a> Training<'a> {
         let own = self.part();
         // As typed: a JSON number would be in double precision.
         let text = |x: f32| json!(x.to_string());
-        let plain = |x: &Value| x.as_str().map_or_else(|| x.to_string(), str::to_owned);
+        let plain = |x: &Value| match x {
+            Value::Null => "the default".to_owned(),
+            Value::String(text) => text.clone(),
+            other => other.to_string(),
+        };
         let pairs = [
-            ("--steps", json!(part.steps), json!(own.steps)),
+            ("--iterations", json!(part.steps), json!(own.steps)),
             ("--seed", json!(part.seed), json!(own.seed)),
             ("--batch", json!(part.batch), json!(own.batch)),
             ("--objects-at-once", json!(part.block), json!(own.block)),
             ("--optimizer", json!(part.optimizer), json!(own.optimizer)),
             ("objects", json!(part.source), json!(own.source)),
             ("--rate", json!(part.rate), json!(own.rate)),
+            ("--head-rate", json!(part.head_rate), json!(own.head_rate)),
             ("--room", json!(part.room), json!(own.room)),
             ("--shape-steps", json!(part.shape_steps), json!(own.shape_steps)),
             ("--updates", json!(part.updates), json!(own.updates)),
@@ -241,6 +269,7 @@ impl<'a> Training<'a> {
             block: s.block,
             source: self.pool.record(),
             rate: differs(s.stage.rates[0], |named| named.rates[0]),
+            head_rate: Some(s.head_rate).filter(|x| *x != 1.0),
             room: differs(s.stage.room, |named| named.room),
             points: s.stage.points,
             distances: s.stage.distances,
@@ -259,7 +288,8 @@ impl<'a> Training<'a> {
         order::min(again, 1.0) * self.settings.stage.rate(step)
     }
 
-    /// Renders objects of another source that previews show: the first ones that are lit as those of the stage.
+    /// Renders objects of another source that previews show: the first ones that are lit as those of the
+    /// stage.
     ///
     /// # Errors
     /// If one cannot be made.
@@ -396,6 +426,9 @@ impl Fit for Training<'_> {
         if self.settings.optimizer != Kind::AdamW {
             all["optimizer"] = json!(self.settings.optimizer.name());
         }
+        if self.settings.head_rate != 1.0 {
+            all["head_rate"] = json!(self.settings.head_rate);
+        }
         all["batch"] = json!(self.settings.batch);
         all["block"] = json!(self.settings.block);
         all["source"] = json!(self.pool.record());
@@ -467,9 +500,9 @@ impl Fit for Training<'_> {
         let (mut params, mut states) = (self.params.clone(), self.states.clone());
         ArrayNames::Folders.load(&mut params, from)?;
         states.load(from)?;
-        let first = from.get(FIRST_AVERAGED).map(|first| first.to_f32()[0]);
+        let first = from.get(FIRST_AVERAGED).map(|_| from.scalar(FIRST_AVERAGED)).transpose()?;
         self.mean = match first {
-            Some(first) if first == self.first_averaged() as f32 => {
+            Some(first) if first == self.first_averaged() as f64 => {
                 let (mut stored, mut mean) = (of_mean(&params), Params::new());
                 ArrayNames::Folders.load(&mut stored, from)?;
                 for (name, _) in params.iter() {

@@ -1,12 +1,20 @@
-//! What updates the weights: AdamW for all arrays, or Muon for the matrices of the blocks and AdamW for the others.
+//! What updates the weights: AdamW for all arrays, or Muon for the matrices of the blocks and AdamW for the
+//! others.
 //!
 //! ```text
 //! gradients, clipped ──► matrices of blocks and of fuse ──► optim.muon   ┐ with [`Kind::Muon`]
 //!                  └───► all others ─────────────────────► optim.adamw  ┘ decay: arrays of rank 2 and more
 //! ```
 //!
-//! Queries, keys and values are three matrices for Muon. Tokens, places, the layers to texels and the heads stay with AdamW, as vectors do: they are first and
-//! last layers (Jordan et al. 2024). Muon's step has a root mean square of [`MATRICES`]`.rms` times the rate.
+//! Queries, keys and values are three matrices for Muon. Tokens, places, the layers to texels and the heads
+//! stay with AdamW, as vectors do: they are first and last layers (Jordan et al. 2024). Muon's step has a
+//! root mean square of [`MATRICES`]`.rms` times the rate.
+//!
+//! AdamW moves a weight by at most about the rate per step, however wide its layer is, so a narrow layer
+//! changes its outputs less than a wide one. The heads of stage 2 ([`LATER`]) begin with outputs of ½ or with
+//! those of another head, and have a rate of their own, a multiple of that of all others
+//! ([`Settings::head_rate`](super::Settings::head_rate)). A rate in proportion to 1/width (Yang et al. 2021)
+//! would be 8 times that of blocks with a width of 256 in heads with one of 32.
 
 use crate::lirm::model::params::{decays, matrices};
 use crate::num::array::Arrays;
@@ -26,8 +34,12 @@ const RULE: Rule = Rule {
     decay: Decay::Decoupled,
     counters: Counters::Global,
 };
-/// Settings of Muon; r = 0.5 had the lower loss at steps 125 to 149 of the two values tried in stage 1a (0.5, 2.5).
+/// Settings of Muon; r = 0.5 had the lower loss at steps 125 to 149 of the two values tried in stage 1a (0.5,
+/// 2.5).
 pub const MATRICES: muon::Rule = muon::Rule { momentum: 0.95, weight_decay: 0.05, rms: 0.5 };
+
+/// Beginnings of the names of the heads that stage 2 adds.
+pub const LATER: [&str; 3] = ["heads/albedo/", "heads/material/", "heads/rho/"];
 
 /// Which optimiser updates the matrices of the blocks.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -60,10 +72,12 @@ pub(super) struct States {
     /// Of arrays that decay, and of the others.
     adam: [Optimiser; 2],
     muon: BTreeMap<String, Muon>,
+    /// Rate of the heads of stage 2, in units of that of the others.
+    head_rate: f64,
 }
 
 impl States {
-    pub(super) fn new(kind: Kind, params: &Params) -> Result<Self> {
+    pub(super) fn new(kind: Kind, head_rate: f64, params: &Params) -> Result<Self> {
         let mut muon = BTreeMap::new();
         if kind == Kind::Muon {
             for (name, array) in params.iter() {
@@ -78,13 +92,17 @@ impl States {
             Optimiser::of(rule, params, chosen)
         };
         let adam = [of(RULE, true)?, of(Rule { weight_decay: 0.0, ..RULE }, false)?];
-        Ok(Self { adam, muon })
+        Ok(Self { adam, muon, head_rate })
     }
 
     /// One step of all arrays.
     pub(super) fn step(&mut self, params: &mut Params, grads: &Grads, rate: f64) -> Result<()> {
+        let own = |name: &str| {
+            let is_later = LATER.iter().any(|head| name.starts_with(head));
+            Some(if is_later { self.head_rate * rate } else { rate })
+        };
         for optimiser in &mut self.adam {
-            optimiser.step(params, grads, |_| Some(rate))?;
+            optimiser.step(params, grads, own)?;
         }
         for (name, muon) in &mut self.muon {
             let param = params.get_mut(name).expect("every state has its parameter");

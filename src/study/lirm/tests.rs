@@ -24,6 +24,7 @@ fn model(parts: &[usize]) -> Named {
         block: 8,
         source: "built-in".into(),
         rate: None,
+        head_rate: None,
         room: None,
         points: 0.0,
         distances: 0.0,

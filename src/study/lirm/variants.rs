@@ -1,4 +1,5 @@
-//! Small models of several kinds, trained from first values with equal steps (Tables 5, 9 and the comparison of planes).
+//! Small models of several kinds, trained from first values with equal steps (Tables 5, 9 and the comparison
+//! of planes).
 //!
 //! | row | what differs |
 //! |---|---|
@@ -8,9 +9,12 @@
 //! | no update | one set of 4 to 12 images per object instead of 1 or 2 of 3 to 6 |
 //! | hexa NDE, second seed | other first values and draws |
 //!
-//! All are trained under the light and with the colours of stage 2: on signed distances alone in the first half of the steps (trainings that began with renders hardly used their cameras, chapter `small_model`
-//! of the book), then on all heads too. 1/β goes from 30 to 120; Muon, batches of eight, objects of random size and place in the box as in stage 1a. They are scored on the smoother version of unseen objects after 4, 8 and 12 images: in
-//! sets of four, without update in one set. A cell is one training; its values name the objects, so that differences are paired by object.
+//! All are trained under the light and with the colours of stage 2: on signed distances alone in the first
+//! half of the steps (trainings that began with renders hardly used their cameras, chapter `small_model` of
+//! the book), then on all heads too. 1/β goes from 30 to 120; Muon, batches of eight, objects of random size
+//! and place in the box as in stage 1a. They are scored on the smoother version of unseen objects after 4, 8
+//! and 12 images: in sets of four, without update in one set. A cell is one training; its values name the
+//! objects, so that differences are paired by object.
 
 use super::setup::{SEED, Setup, shown};
 use crate::experiment::{Cell, Chart, Experiment, Outcome, Report, Summary, Values, rows};
@@ -92,6 +96,7 @@ impl Variants<'_> {
         Ok(Settings {
             stage: stage.with_distances(DISTANCES),
             optimizer: optimizer::Kind::Muon,
+            head_rate: 1.0,
             seed: kind.seed,
             batch,
             block,
@@ -145,8 +150,10 @@ impl Experiment for Variants<'_> {
         let session = Session { checkpoint: &checkpoint, every: EVERY };
         let history = match session.begin(&mut training, true) {
             Ok((so_far, _)) => so_far,
-            // A checkpoint of other settings or an incomplete one cannot be used.
+            // A checkpoint of other settings or an incomplete one cannot be used, and is kept beside.
             Err(_) => {
+                let unused = checkpoint.with_extension("unused");
+                std::fs::rename(&checkpoint, &unused).map_err(|e| Error::os(&unused, &e))?;
                 training = made()?;
                 History::default()
             }
