@@ -6,9 +6,10 @@
 //! | hull | the visual hull of the inputs (a point is in it if no input shows it as background), coloured with the mean of the inputs that show the point |
 //! | blurred hull | the image of the hull, blurred ([`blurred`]): what a sharp edge in the wrong place costs |
 //!
-//! A point of the hull's surface is seen by an input if the hull does not begin more than [`SLACK`] in front of it. A pixel that the object
-//! covers in part shows the object's share, not the white behind it. Images of the hull are means over 2×2 rays per pixel. Both are given
-//! the true foreground. A model that reads marked backgrounds (`small`) gets it too, one that reads colours over white (`paper`) does not.
+//! A point of the hull's surface is seen by an input if the hull does not begin more than [`SLACK`] in front
+//! of it. A pixel that the object covers in part shows the object's share, not the white behind it. Images of
+//! the hull are means over 2×2 rays per pixel. Both are given the true foreground. A model that reads marked
+//! backgrounds (`small`) gets it too, one that reads colours over white (`paper`) does not.
 
 use super::views::View;
 use crate::fit::field::targets::share;
@@ -23,15 +24,17 @@ const STEPS: usize = 192;
 const RADIUS: f64 = 0.5;
 /// Rays of a pixel along each side.
 const RAYS: usize = 2;
-/// Standard deviation of [`blurred`], in pixels: of ½, 1, 1½, 2, 2½ and 3 the one with the most decibels after four images and after eight together, on six objects of seed 1.
+/// Standard deviation of [`blurred`], in pixels: of ½, 1, 1½, 2, 2½ and 3 the one with the most decibels
+/// after four images and after eight together, on six objects of seed 1.
 const SIGMA: f64 = 1.0;
 /// How far in front of a point the hull may begin for an input that sees it.
 pub const SLACK: f64 = 0.02;
 
-/// An image (H, W, 3) blurred by a Gaussian whose standard deviation is a pixel, cut off at three; beyond the border it is white.
+/// An image (H, W, 3) blurred by a Gaussian whose standard deviation is a pixel, cut off at three; beyond the
+/// border it is white.
 ///
-/// A mean squared error prefers a blurred edge to a sharp one in the wrong place: an image of the hull has more decibels when it is blurred, and a
-/// model that is unsure of its edges has those too.
+/// A mean squared error prefers a blurred edge to a sharp one in the wrong place: an image of the hull has
+/// more decibels when it is blurred, and a model that is unsure of its edges has those too.
 pub fn blurred(image: &[f32], [height, width]: [usize; 2]) -> Vec<f32> {
     let reach = (3.0 * SIGMA) as isize;
     let bell = |k: isize| elem::exp(-0.5 * (k as f64 / SIGMA) * (k as f64 / SIGMA));

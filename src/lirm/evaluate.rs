@@ -1,8 +1,9 @@
 //! Scores of a model on objects that it was not trained on, after every set of images.
 //!
-//! The protocol is that of the test views ([`data_gen::cameras::test`]): sixteen inputs in four sets of four, in a random order or around the
-//! object, and twelve outputs from other directions. Inputs are read at 64², outputs are rendered and compared at 128². Beside the
-//! model stand the baselines of [`super::baselines`] with the inputs so far and, for materials, the means of training objects.
+//! The protocol is that of the test views ([`data_gen::cameras::test`]): sixteen inputs in four sets of four,
+//! in a random order or around the object, and twelve outputs from other directions. Inputs are read at 64²,
+//! outputs are rendered and compared at 128². Beside the model stand the baselines of [`super::baselines`]
+//! with the inputs so far and, for materials, the means of training objects.
 //!
 //! | name | of an output, then mean over outputs | |
 //! |---|---|---|
@@ -20,15 +21,17 @@
 //! | `distance_radii` | mean distance between the surfaces, samples to triangles | radii of the object |
 //!
 //! # Noise
-//! Inputs and outputs are traced with some samples per pixel ([`settings`]), and their noise limits every score: the first six objects of seed 1 have 21.0 dB
-//! with two samples, where the same model has 23.4 dB with 64. Only scores with equal samples compare.
+//! Inputs and outputs are traced with some samples per pixel ([`settings`]), and their noise limits every
+//! score: the first six objects of seed 1 have 21.0 dB with two samples, where the same model has 23.4 dB
+//! with 64. Only scores with equal samples compare.
 //!
 //! # Colours
-//! Built-in objects are nearly grey: a model that ignores hue loses little. With a tint ([`object`]) every object has a random colour,
-//! `gray` becomes large, and `color` shows whether the model has read it. (`albedo_db` does not: its channels are scaled one by one.)
+//! Built-in objects are nearly grey: a model that ignores hue loses little. With a tint ([`object`]) every
+//! object has a random colour, `gray` becomes large, and `color` shows whether the model has read it.
+//! (`albedo_db` does not: its channels are scaled one by one.)
 //!
 //! # Controls
-//! [`Control`] breaks one input of the model: a score that does not fall has not used it.
+//! [`Control`] breaks one input of the model; if the score does not fall, the model does not use that input.
 
 use super::baselines::{Hull, blurred, nearest};
 use super::r#gen::{Lighting, Set, Settings};
@@ -120,7 +123,8 @@ pub struct Protocol {
     pub sets: usize,
     /// Outputs that are compared, of twelve.
     pub outputs: usize,
-    /// Mean albedo (sRGB-encoded), roughness and metallic of training objects ([`means_of_materials`]); `None` leaves the comparison out.
+    /// Mean albedo (sRGB-encoded), roughness and metallic of training objects ([`means_of_materials`]);
+    /// `None` leaves the comparison out.
     pub means: Option<([f32; 3], [f32; 2])>,
     /// Whether surfaces are compared.
     pub shapes: bool,
@@ -139,8 +143,8 @@ pub fn settings(seed: u64, samples: u32) -> Settings {
     }
 }
 
-/// Means of albedo (of linear values, sRGB-encoded), roughness and metallic over the covered pixels of the first objects of a seed, in a
-/// version.
+/// Means of albedo (of linear values, sRGB-encoded), roughness and metallic over the covered pixels of the
+/// first objects of a seed, in a version.
 ///
 /// # Errors
 /// If an object cannot be made.
@@ -183,7 +187,8 @@ fn overlap(a: &[f32], b: &[f32]) -> f64 {
     if one == 0 { 1.0 } else { both as f64 / one as f64 }
 }
 
-/// The mean colour of an image (H, W, 3) where the object covers a pixel completely; `None` if it does nowhere.
+/// The mean colour of an image (H, W, 3) where the object covers a pixel completely; `None` if it does
+/// nowhere.
 fn mean_color(image: &[f32], foreground: &[f32]) -> Option<[f64; 3]> {
     let pixels = image.as_chunks::<3>().0.iter().zip(foreground);
     let (mut sum, mut n) = ([0.0; 3], 0.0);
@@ -205,7 +210,8 @@ fn constant<const N: usize>(target: &Target, value: [f32; N]) -> Vec<f32> {
     target.foreground.iter().flat_map(|m| value.map(|v| v * m + (1.0 - m))).collect()
 }
 
-/// Inputs of every set, some of them broken. From the second set on, they are those of `other` if it is there.
+/// Inputs of every set, some of them broken. From the second set on, they are those of `other` if it is
+/// there.
 fn inputs(
     ready: &Ready<'_>,
     p: &Protocol,
@@ -266,8 +272,8 @@ fn tinted(views: Views, strength: f64, seed: u64, k: u64) -> Views {
     views.lit(tint(1.0, strength, std::array::from_fn(|c| rng.uniform_f64(k, 0, TINT, c as u16))))
 }
 
-/// Scores a model on an object of a test set, whose colours are multiplied by a random one of a strength ([`super::views::tint`]; 0: they
-/// stay).
+/// Scores a model on an object of a test set, whose colours are multiplied by a random one of a strength
+/// ([`super::views::tint`]; 0: they stay).
 ///
 /// # Errors
 /// If the object cannot be made, or a render is not finite.
@@ -278,7 +284,8 @@ pub fn object(ready: &Ready<'_>, p: &Protocol, k: u64, strength: f64) -> Result<
     views(ready, p, k, &rendered(k)?, other.as_ref())
 }
 
-/// [`object`] with images that are there, as they are: those of object k, and those that the sets after the first show instead.
+/// [`object`] with images that are there, as they are: those of object k, and those that the sets after the
+/// first show instead.
 ///
 /// # Errors
 /// If a render is not finite.
@@ -433,8 +440,8 @@ fn output(
     Ok((out, s.image.image))
 }
 
-/// Means over objects, each over those that have the number, as a JSON record. Distances of surfaces are over the objects with a
-/// surface, whose part is `has_surface`.
+/// Means over objects, each over those that have the number, as a JSON record. Distances of surfaces are over
+/// the objects with a surface, whose part is `has_surface`.
 pub fn means(all: &[Scores]) -> Value {
     let rounds = all.first().map_or(0, |s| s.rounds.len());
     let one = |r: usize| {

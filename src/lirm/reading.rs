@@ -14,7 +14,8 @@ use crate::{Error, Result};
 const MOST_TOKENS: usize = 262_144;
 
 impl Input {
-    /// An image as a model reads it, with rays in the units of the field; a plain model does not read the photo.
+    /// An image as a model reads it, with rays in the units of the field; a plain model does not read the
+    /// photo.
     pub fn of(view: &View, placement: &Placement, config: &Config) -> Self {
         let wide = |x: &[f32]| -> Vec<f32> { x.iter().map(|x| 2.0 * x - 1.0).collect() };
         let camera = placed(&view.picture.camera, placement);
@@ -33,7 +34,8 @@ impl Input {
     }
 }
 
-/// Adds 2·(1 − m) to the colours of an image, where m is the part of a pixel that the object covers: a background of 1 becomes 3.
+/// Adds 2·(1 − m) to the colours of an image, where m is the part of a pixel that the object covers: a
+/// background of 1 becomes 3.
 fn marked(mut image: Vec<f32>, foreground: &[f32]) -> Vec<f32> {
     for (pixel, m) in image.as_chunks_mut::<3>().0.iter_mut().zip(foreground) {
         *pixel = pixel.map(|x| x + 2.0 * (1.0 - m));
@@ -41,12 +43,27 @@ fn marked(mut image: Vec<f32>, foreground: &[f32]) -> Vec<f32> {
     image
 }
 
-/// Replaces the moments m of rays (d, m) by the points d × m of their lines that are nearest to the origin, in f64 and rounded once.
+/// Replaces the moments m of rays (d, m) by the points d × m of their lines that are nearest to the origin,
+/// in f64 and rounded once.
 fn nearest(mut rays: Vec<f32>) -> Vec<f32> {
     for [a, b, c, x, y, z] in rays.as_chunks_mut::<PLUCKER>().0 {
         [*x, *y, *z] = moment([*a, *b, *c], [*x, *y, *z]);
     }
     rays
+}
+
+/// Refuses more tokens than a set may have.
+///
+/// # Errors
+/// If there are more.
+pub fn check_tokens(tokens: usize) -> Result<()> {
+    if tokens <= MOST_TOKENS {
+        return Ok(());
+    }
+    Err(Error::input("images")
+        .expected(format!("at most {MOST_TOKENS} squares of {PATCH}x{PATCH} pixels in a set"))
+        .got(tokens.to_string())
+        .hint("--images-per-set reads fewer images at a time, --downscale makes them smaller"))
 }
 
 /// The images of a set as inputs.
@@ -68,13 +85,7 @@ pub fn inputs(views: &Views, config: &Config) -> Result<Vec<Input>> {
         }
     }
     let all: Vec<Input> = views.all.iter().map(|v| Input::of(v, &views.placement, config)).collect();
-    let tokens = all.iter().fold(0, |sum, v| sum + v.tokens());
-    if tokens > MOST_TOKENS {
-        return Err(Error::input("images")
-            .expected(format!("at most {MOST_TOKENS} squares of {PATCH}x{PATCH} pixels in a set"))
-            .got(tokens.to_string())
-            .hint("--images-per-set reads fewer images at a time, --downscale makes them smaller"));
-    }
+    check_tokens(all.iter().fold(0, |sum, v| sum + v.tokens()))?;
     Ok(all)
 }
 
@@ -85,7 +96,8 @@ impl Ready<'_> {
         self.read(state, &inputs, None).0
     }
 
-    /// Reads sets of images one after the other; returns the last state, and how much each set has changed it ([`change`]).
+    /// Reads sets of images one after the other; returns the last state, and how much each set has changed it
+    /// ([`change`]).
     pub fn read_all(&self, state: &[f32], sets: &[Vec<Input>]) -> (Vec<f32>, Vec<f64>) {
         let (mut state, mut changes) = (state.to_vec(), Vec::with_capacity(sets.len()));
         for set in sets {
@@ -97,12 +109,14 @@ impl Ready<'_> {
     }
 }
 
-/// The relative change of a state, ‖Tᵐ − Tᵐ⁻¹‖ / ‖Tᵐ‖, in f64; 1 after no state, which is zero.
+/// The relative change of a state, ‖Tᵐ − Tᵐ⁻¹‖ / ‖Tᵐ‖, in f64; 1 after no state, which is zero. If ‖Tᵐ‖ is 0, it is
+/// 1, or 0 if nothing moved.
 pub fn change(before: &[f32], after: &[f32]) -> f64 {
     let length = |x: Vec<f64>| sum::tree_f64(&x).sqrt();
     let square = |x: f64| x * x;
     let moved = before.iter().zip(after).map(|(a, b)| square(f64::from(*b) - f64::from(*a))).collect();
-    length(moved) / length(after.iter().map(|x| square(f64::from(*x))).collect())
+    let (moved, whole) = (length(moved), length(after.iter().map(|x| square(f64::from(*x))).collect()));
+    if whole > 0.0 { moved / whole } else { f64::from(u8::from(moved > 0.0)) }
 }
 
 #[cfg(test)]
@@ -116,6 +130,13 @@ mod tests {
         let image = [[1.0; 3], [-1.0; 3], [1.0; 3], [0.0; 3]].concat();
         let found = marked(image, &[0.0, 1.0, 1.0, 0.5]);
         assert_eq!(found, [[3.0; 3], [-1.0; 3], [1.0; 3], [1.0; 3]].concat());
+    }
+
+    #[test]
+    fn a_change_is_relative_to_the_new_state() {
+        assert_eq!(change(&[0.0, 0.0], &[3.0, 4.0]), 1.0, "after no state");
+        assert_eq!(change(&[3.0, 0.0], &[3.0, 4.0]), 0.8);
+        assert_eq!((change(&[1.0], &[0.0]), change(&[0.0], &[0.0])), (1.0, 0.0), "a state of zeros");
     }
 
     #[test]

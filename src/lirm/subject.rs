@@ -68,7 +68,8 @@ impl Subject {
         Self { object: from_data_gen::object(&made.surfaces), record }
     }
 
-    /// The object at half its size, its centre moved by a quarter along x, to the side of the sign; the other half of the ball is free.
+    /// The object at half its size, its centre moved by a quarter along x, to the side of the sign; the other
+    /// half of the ball is free.
     #[must_use]
     pub fn on_side(mut self, sign: f32) -> Self {
         for p in &mut self.object.mesh.positions {

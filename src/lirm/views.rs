@@ -5,9 +5,10 @@
 //! a capture ───────────────────────────────────────────────────────► Views ──► turned ──► lit ──► small
 //! ```
 //!
-//! An object that is rendered in memory has the pixels of the same object on disk: 8 bits for images, foreground, albedo and
-//! materials, single precision for the other passes (`tests/systems/lirm_views.rs` compares both). All images get a common
-//! exposure ([`crate::fit::exposure`]), the photos with what is behind the object too.
+//! An object that is rendered in memory has the pixels of the same object on disk: 8 bits for images,
+//! foreground, albedo and materials, single precision for the other passes (`tests/systems/lirm_views.rs`
+//! compares both). All images get a common exposure ([`crate::fit::exposure`]), the photos with what is
+//! behind the object too.
 
 use super::r#gen::in_memory;
 use super::settings::Settings;
@@ -108,8 +109,8 @@ impl Views {
         Self { all: which.iter().map(|i| self.all[*i].clone()).collect(), placement: self.placement }
     }
 
-    /// Turns the object about the vertical, counter-clockwise seen from above, with its cameras and light: the images stay as they
-    /// are.
+    /// Turns the object about the vertical, counter-clockwise seen from above, with its cameras and light:
+    /// the images stay as they are.
     #[must_use]
     pub fn turned(mut self, radians: f64) -> Self {
         let (sin, cos) = (elem::sin(radians), elem::cos(radians));
@@ -128,10 +129,11 @@ impl Views {
         self
     }
 
-    /// Multiplies the encoded colours of the object in all images by a factor per channel, at most to 1; what is behind it stays. Of a pixel that is
-    /// covered in part, the photo does not show which share is the object's, so the factor is mixed with 1 by coverage. The pass of encoded
-    /// albedo is multiplied by the factors over their largest: a colour of diffuse reflection is proportional to its albedo, and a power of it
-    /// encodes both. (Exact without the linear part of sRGB, and without gloss.)
+    /// Multiplies the encoded colours of the object in all images by a factor per channel, at most to 1; what
+    /// is behind it stays. Of a pixel that is covered in part, the photo does not show which share is the
+    /// object's, so the factor is mixed with 1 by coverage. The pass of encoded albedo is multiplied by the
+    /// factors over their largest: a colour of diffuse reflection is proportional to its albedo, and a power
+    /// of it encodes both. (Exact without the linear part of sRGB, and without gloss.)
     #[must_use]
     pub fn lit(mut self, factors: [f32; 3]) -> Self {
         if factors == [1.0; 3] {
@@ -171,15 +173,26 @@ impl Views {
         Ok(Self { all, placement: self.placement })
     }
 
-    /// The factor by which square images of one size have to be shrunk to `side` pixels, if it is whole.
-    pub fn square_factor(&self, side: usize) -> Option<usize> {
-        let width = self.all.first()?.picture.camera.width;
-        let is_square = |v: &View| v.picture.camera.width == width && v.picture.camera.height == width;
-        (self.all.iter().all(is_square) && width > 0 && width.is_multiple_of(side)).then_some(width / side)
+    /// The images as a model that was trained on squares of `side` pixels reads them: square images of a multiple
+    /// of it are shrunk as a whole, the others cut ([`Self::cropped`]).
+    ///
+    /// # Errors
+    /// Those of [`Self::small`].
+    pub fn sized(&self, side: usize) -> Result<Self> {
+        let one = |i: usize| {
+            let view = &self.all[i];
+            let (width, height) = (view.picture.camera.width, view.picture.camera.height);
+            match width == height && width > 0 && width.is_multiple_of(side) {
+                true => view.small(width / side),
+                false => Ok(view.cropped(side)),
+            }
+        };
+        let all = par::map(self.all.len(), one).into_iter().collect::<Result<_>>()?;
+        Ok(Self { all, placement: self.placement })
     }
 
-    /// Cuts a square around the object out of every image and brings it to `side` pixels, averaging areas. Outside of an image is white
-    /// background. Passes are left out.
+    /// Cuts a square around the object out of every image and brings it to `side` pixels, averaging areas.
+    /// Outside of an image is white background. Passes are left out.
     #[must_use]
     pub fn cropped(&self, side: usize) -> Self {
         let all = par::map(self.all.len(), |i| self.all[i].cropped(side));
@@ -192,15 +205,16 @@ impl Views {
     }
 }
 
-/// Factors of [`Views::lit`] for a random colour: channel c is (1 − strength·u_c) over the largest of the three, times a brightness.
+/// Factors of [`Views::lit`] for a random colour: channel c is (1 − strength·u_c) over the largest of the
+/// three, times a brightness.
 pub fn tint(brightness: f64, strength: f64, u: [f64; 3]) -> [f32; 3] {
     let channels = u.map(|u| 1.0 - strength * u);
     let most = order::max(order::max(channels[0], channels[1]), channels[2]);
     channels.map(|c| (brightness * c / most) as f32)
 }
 
-/// Part of a row of pixels that output pixel `i` of `n` covers, for a window of `side` pixels from `first` on: indices and weights, which
-/// add up to 1.
+/// Part of a row of pixels that output pixel `i` of `n` covers, for a window of `side` pixels from `first`
+/// on: indices and weights, which add up to 1.
 fn covered(first: i64, side: usize, n: usize, i: usize) -> Vec<(i64, f32)> {
     let edge = |i: usize| i as f64 * side as f64 / n as f64;
     let [from, to] = [edge(i), edge(i + 1)];
@@ -209,7 +223,8 @@ fn covered(first: i64, side: usize, n: usize, i: usize) -> Vec<(i64, f32)> {
     (from as usize..last).map(|px| (first + px as i64, (part(px) / (to - from)) as f32)).collect()
 }
 
-/// The square window of an image from which its object is read: around the foreground, moved into the image where it fits.
+/// The square window of an image from which its object is read: around the foreground, moved into the image
+/// where it fits.
 fn window(p: &Picture) -> ([i64; 2], usize) {
     let (width, height) = (p.camera.width, p.camera.height);
     let inside = (0..p.foreground.len()).filter(|i| p.foreground[*i] >= 0.5);

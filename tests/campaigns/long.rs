@@ -61,7 +61,7 @@ pub const ALL: [Long; 12] = [
     ),
     fast(
         "field fit",
-        "field fit ../shop/photos --iterations 60 --side 16 --channels 4 --samples 24 --crop-side 16 --crops 1 --materials shaded --checkpoint-every 4",
+        "field fit ../shop/photos --iterations 60 --side 16 --channels 4 --ray-samples 24 --crop-side 16 --crops 1 --materials shaded --checkpoint-every 4",
         Again::Resume,
     ),
     fast(
@@ -76,7 +76,7 @@ pub const ALL: [Long; 12] = [
     ),
     fast(
         "lirm train",
-        "lirm train --stage 1a --config ../shop/tiny.json --steps 10 --batch 1 --objects-at-once 1 --checkpoint-every 1",
+        "lirm train --stage 1a --config ../shop/tiny.json --iterations 10 --batch 1 --objects-at-once 1 --checkpoint-every 1",
         Again::Resume,
     ),
     fast("lirm gen", "lirm gen --objects 2 --views 6 --size 48 --samples 16 --texture 32", Again::Resume),

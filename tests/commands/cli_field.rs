@@ -14,7 +14,7 @@ const TINY: [&str; 16] = [
     "8",
     "--channels",
     "2",
-    "--samples",
+    "--ray-samples",
     "16",
     "--crop-side",
     "16",

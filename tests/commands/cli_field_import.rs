@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 
 #[rustfmt::skip]
 const TINY: [&str; 14] = [
-    "--iterations", "8", "--side", "8", "--channels", "2", "--samples", "16", "--crop-side", "16", "--crops", "1", "--json", "-q",
+    "--iterations", "8", "--side", "8", "--channels", "2", "--ray-samples", "16", "--crop-side", "16", "--crops", "1", "--json", "-q",
 ];
 
 #[test]

@@ -1,6 +1,7 @@
 //! `lirm` on captures of any kind, with a model of a configuration file: other scales, sizes and lenses, and what is refused.
 
 use crate::program::{json, lastlight, refused, stderr};
+use lastlight::io::image_file;
 use lastlight::lirm::model::state::State;
 use serde_json::{Value, json};
 use std::path::Path;
@@ -150,6 +151,32 @@ fn sizes_and_lenses_may_differ() {
         format!("lirm reconstruct large-photos --model tiny.safetensors {four} --downscale 1 --out told");
     let (told, of_state) = (stderr(&lastlight(&line(&text), dir)), 6 * 4 + 4);
     assert!(told.contains(&format!("{} tokens in the largest set", of_state + 2 * 64 + 2 * 36)), "{told}");
+    // Each image is shrunk or cut by its own size.
+    let mixed = read("large-photos", &format!("{four} --images-per-set 2"), "mixed");
+    let shrunk = read("large-photos", "--inputs 0000,0001", "shrunk");
+    assert_eq!(mixed["changes"][0], shrunk["changes"][0], "an image of another size changes nothing");
+    // Two images in folders have the same name.
+    let mut twice = parse("large-photos");
+    std::fs::create_dir_all(dir.join("large-photos/left")).expect("a folder");
+    std::fs::copy(dir.join("large-photos/images/0000.png"), dir.join("large-photos/left/0001.png"))
+        .expect("copied");
+    twice["frames"][0]["file_path"] = json!("left/0001.png");
+    std::fs::write(dir.join("large-photos/transforms.json"), twice.to_string()).expect("written");
+    refused(
+        &line("lirm reconstruct large-photos --model tiny.safetensors --inputs 0001 --out d"),
+        dir,
+        2,
+        &["--inputs", "left/0001.png", "images/0001.png"],
+    );
+    // An image without the object.
+    let empty = vec![0; 64 * 64];
+    image_file::write_png(&dir.join("large-photos/foreground/0001.png"), 64, 64, 1, &empty).expect("written");
+    refused(
+        &line("lirm reconstruct large-photos --model tiny.safetensors --inputs images/0001.png,0002 --out d"),
+        dir,
+        2,
+        &["0001.png", "foreground", "the object in at least one pixel"],
+    );
     refused(
         &line("lirm reconstruct large-photos --model tiny.safetensors --inputs 0002 --downscale 4 --out d"),
         dir,
@@ -177,7 +204,7 @@ fn a_configuration_file_makes_other_models() {
         r#"{"planes": 3, "plane_tokens": 3, "embed_tokens": 0, "blocks": 1, "width": 16, "heads": 2, "channels": 4, "fuse": "published"}"#,
     )
     .expect("written");
-    let short = "--steps 1 --batch 1 --objects-at-once 1 --json -q";
+    let short = "--iterations 1 --batch 1 --objects-at-once 1 --json -q";
     let tri = json(&line(&format!("lirm train --stage 1a --config tri.json --out tri {short}")), dir);
     let of = |key: &str| tri["settings"][key].clone();
     assert_eq!((of("planes"), of("plane_tokens"), of("fuse")), (3.into(), 3.into(), "published".into()));

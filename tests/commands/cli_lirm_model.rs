@@ -12,7 +12,7 @@ fn line(text: &str) -> Vec<&str> {
 fn made(dir: &Path) -> Value {
     let set = "lirm gen --cameras test --size 64 --samples 1 --texture 32 --out set -q";
     assert!(lastlight(&line(set), dir).status.success(), "a set");
-    let train = "lirm train --stage 1a --steps 1 --batch 1 --objects-at-once 1 --out m --json -q";
+    let train = "lirm train --stage 1a --iterations 1 --batch 1 --objects-at-once 1 --out m --json -q";
     json(&line(train), dir)
 }
 
@@ -23,27 +23,31 @@ fn a_model_reads_images_and_more_of_them() {
     let trained = made(dir);
     assert_eq!(trained["stages"], serde_json::json!(["1a"]));
     let again = json(
-        &line("lirm train --stage 1a --steps 1 --batch 1 --objects-at-once 1 --out m --resume --json -q"),
+        &line(
+            "lirm train --stage 1a --iterations 1 --batch 1 --objects-at-once 1 --out m --resume --json -q",
+        ),
         dir,
     );
     assert_eq!(again["digest"], trained["digest"], "complete already");
     let next = json(
-        &line("lirm train --stage 2a --steps 1 --batch 1 --objects-at-once 1 --from m --out n --json -q"),
+        &line(
+            "lirm train --stage 2a --iterations 1 --batch 1 --objects-at-once 1 --from m --out n --json -q",
+        ),
         dir,
     );
     assert_eq!(next["stages"], serde_json::json!(["1a", "2a"]));
     assert_eq!(next["settings"]["whole"], true);
     let parts = line(
-        "lirm train --stage 1b --steps 2 --until 1 --batch 1 --objects-at-once 1 --from m --out p --json -q",
+        "lirm train --stage 1b --iterations 2 --until 1 --batch 1 --objects-at-once 1 --from m --out p --json -q",
     );
     assert_eq!(json(&parts, dir)["stages"], serde_json::json!(["1a", "1b to step 1 of 2"]));
     let rest =
-        line("lirm train --stage 1b --steps 2 --batch 1 --objects-at-once 1 --from p --out q --json -q");
+        line("lirm train --stage 1b --iterations 2 --batch 1 --objects-at-once 1 --from p --out q --json -q");
     let rest = json(&rest, dir);
     assert_eq!(rest["stages"], serde_json::json!(["1a", "1b"]));
     assert_eq!((&rest["iterations"], &rest["settings"]["first_step"]), (&1.into(), &1.into()));
-    let other = line("lirm train --stage 1b --steps 3 --batch 1 --objects-at-once 1 --from p --out r");
-    refused(&other, dir, 2, &["--steps", "2, as in the part before of stage 1b"]);
+    let other = line("lirm train --stage 1b --iterations 3 --batch 1 --objects-at-once 1 --from p --out r");
+    refused(&other, dir, 2, &["--iterations", "2, as in the part before of stage 1b"]);
     // The folder can go on too, with the moments of its checkpoint.
     let whole = json(&line("lirm train --resume --until 2 --out p --json -q"), dir);
     assert_eq!((&whole["stages"], &whole["iterations"]), (&serde_json::json!(["1a", "1b"]), &2.into()));
@@ -137,7 +141,23 @@ fn a_model_reads_images_and_more_of_them() {
     );
     assert_eq!(cropped["sets"], serde_json::json!([16]));
 
-    refused(&line(&format!("lirm update a {capture} --model n --out d")), dir, 2, &["--model", "digest"]);
+    refused(
+        &line(&format!("lirm update a {capture} --model n --out d")),
+        dir,
+        2,
+        &["--model", "setting whole", "false, as in the model of the state"],
+    );
+    refused(&line(&format!("lirm update a {capture} --model p --out d")), dir, 2, &["--model", "digest"]);
+    let first = names[0];
+    for (options, parts) in [
+        (format!("--inputs {first},{first}"), ["every image once", first]),
+        ("--box 100,100,100,101,101,101".to_owned(), ["--box", "no foreground pixel"]),
+        ("--inverse-beta 1e9".to_owned(), ["--inverse-beta", "1000000"]),
+        ("--inputs elsewhere/0000.png".to_owned(), ["--inputs", "elsewhere/0000.png"]),
+    ] {
+        let args = format!("lirm reconstruct {capture} --model m {options} --out d");
+        refused(&line(&args), dir, 2, &parts);
+    }
     refused(
         &line(&format!("lirm reconstruct {capture} --model m --inputs none --out d")),
         dir,
@@ -174,7 +194,7 @@ fn scores_stand_beside_baselines() {
     let work = tempfile::tempdir().expect("a folder");
     let dir = work.path();
     made(dir);
-    let scores = json(&line("lirm eval m --objects 1 --samples 1 --steps 16 --json -q"), dir);
+    let scores = json(&line("lirm eval m --objects 1 --samples 1 --ray-samples 16 --json -q"), dir);
     let rounds = scores["rounds"].as_array().expect("rounds");
     assert_eq!(rounds.len(), 4);
     let of = |r: usize, key: &str| rounds[r][key].as_f64().expect("a number");
@@ -247,7 +267,7 @@ fn a_study_runs_and_its_report_can_be_made_again() {
 fn the_included_model_is_the_default() {
     let work = tempfile::tempdir().expect("a folder");
     let dir = work.path();
-    let scores = json(&line("lirm eval --objects 1 --sets 1 --samples 1 --steps 16 --json -q"), dir);
+    let scores = json(&line("lirm eval --objects 1 --sets 1 --samples 1 --ray-samples 16 --json -q"), dir);
     assert_eq!(scores["model"], "objects64.safetensors");
     let study = json(&line("lirm study limits --out s --scale smoke --json -q"), dir);
     let name = study["models"][0]["name"].as_str().expect("a model with a name");

@@ -151,7 +151,7 @@ const SESSIONS: [Session; 8] = [
             ),
             (
                 "lastlight field fit object/object_00000/uniform --out field",
-                "field fit object/object_00000/uniform --out field --iterations 4 --side 8 --channels 2 --samples 16 --crop-side 16 \
+                "field fit object/object_00000/uniform --out field --iterations 4 --side 8 --channels 2 --ray-samples 16 --crop-side 16 \
                  --crops 1",
             ),
             (
@@ -178,13 +178,16 @@ const SESSIONS: [Session; 8] = [
             ),
             (
                 "lastlight lirm reconstruct unseen/object_00000/uniform --inputs 0017,0025,0035,0043 --out r1",
-                "lirm reconstruct unseen/object_00000/uniform --inputs 0017,0025,0035,0043 --out r1 --samples 16",
+                "lirm reconstruct unseen/object_00000/uniform --inputs 0017,0025,0035,0043 --out r1 --ray-samples 16",
             ),
             (
                 "lastlight lirm update r1 unseen/object_00000/uniform --inputs 0020,0029,0038,0046 --out r2",
-                "lirm update r1 unseen/object_00000/uniform --inputs 0020,0029,0038,0046 --out r2 --samples 16",
+                "lirm update r1 unseen/object_00000/uniform --inputs 0020,0029,0038,0046 --out r2 --ray-samples 16",
             ),
-            ("lastlight lirm eval --objects 3", "lirm eval --objects 1 --sets 1 --samples 1 --steps 16"),
+            (
+                "lastlight lirm eval --objects 3",
+                "lirm eval --objects 1 --sets 1 --samples 1 --ray-samples 16",
+            ),
         ],
     },
     Session {

@@ -4,9 +4,9 @@ use lastlight::fit::training::{Fit, History, Schedule, resume, run, save};
 use lastlight::lirm::r#gen as set;
 use lastlight::lirm::model::config::Config;
 use lastlight::lirm::model::file::digest;
-use lastlight::lirm::model::params::first;
+use lastlight::lirm::model::params::{extended, first};
 use lastlight::lirm::train::distances::Distances;
-use lastlight::lirm::train::optimizer::Kind;
+use lastlight::lirm::train::optimizer::{Kind, LATER};
 use lastlight::lirm::train::source::{Rendered, Source};
 use lastlight::lirm::train::stage::Stage;
 use lastlight::lirm::train::stored::Stored;
@@ -61,6 +61,7 @@ fn settings(stage: &str, steps: usize) -> Settings {
     Settings {
         stage,
         optimizer: Kind::AdamW,
+        head_rate: 1.0,
         seed: 0,
         batch: 2,
         block: 2,
@@ -196,12 +197,13 @@ fn a_stage_goes_on_after_its_first_part() {
     let shape = Stage { shape_steps: 40, ..settings("1a", 40).stage.with_distances(1.0) };
     for (name, other) in [
         ("--seed", Settings { seed: 1, ..settings("1a", 40) }),
-        ("--steps", settings("1a", 41)),
+        ("--iterations", settings("1a", 41)),
         ("--objects-at-once", Settings { block: 3, ..settings("1a", 40) }),
         ("--optimizer", Settings { optimizer: Kind::Muon, ..settings("1a", 40) }),
         ("--rate", Settings { stage: settings("1a", 40).stage.with_rate(1e-3), ..settings("1a", 40) }),
         ("--room", Settings { stage: Stage { room: 0.0, ..settings("1a", 40).stage }, ..settings("1a", 40) }),
         ("--shape-steps", Settings { stage: shape, ..settings("1a", 40) }),
+        ("--head-rate", Settings { head_rate: 2.0, ..settings("1a", 40) }),
         ("--updates", Settings { stage: settings("1a", 40).stage.with_updates(), ..settings("1a", 40) }),
     ] {
         let mut other = Training::new(other, TINY, Some(one.params()), &source).expect("valid");
@@ -268,6 +270,40 @@ fn the_result_can_be_the_mean_over_the_last_steps() {
     let e = Training::new(Settings { average_last: 7, ..own.clone() }, TINY, None, &source)
         .expect_err("too many");
     assert!(e.to_string().contains("--average-last"), "{e}");
+}
+
+#[test]
+fn heads_of_stage_2_have_a_rate_of_their_own() {
+    let source = Kept::new();
+    let plain = first(&TINY, 0);
+    let (begun, _) = extended(&plain, &TINY, 0).expect("a plain model");
+    let after = |head_rate: f64| {
+        let own = Settings { head_rate, ..settings("2a", 1) };
+        let mut training = Training::new(own, TINY, Some(&plain), &source).expect("valid");
+        training.step(0, &mut ()).expect("finite");
+        training.params().clone()
+    };
+    let [one, eight] = [1.0, 8.0].map(after);
+    let mut moved = 0;
+    for (name, array) in one.iter() {
+        let [one, eight, begun] =
+            [array, eight.get(name).expect("an array"), begun.get(name).expect("an array")];
+        if !LATER.iter().any(|head| name.starts_with(head)) {
+            assert_eq!(one, eight, "{name}: all others have the rate of the stage");
+            continue;
+        }
+        for ((a, b), w) in one.iter().zip(eight).zip(begun) {
+            let [a, b] = [a, b].map(|x| f64::from(*x) - f64::from(*w));
+            assert!((b - 8.0 * a).abs() <= 1e-6 * (1.0 + f64::from(w.abs())), "{name}: {a} {b}");
+            moved += usize::from(a != 0.0);
+        }
+    }
+    assert!(moved > 100, "the heads move: {moved}");
+    for head_rate in [0.0, -1.0, f64::NAN, 1e4] {
+        let own = Settings { head_rate, ..settings("2a", 1) };
+        let e = Training::new(own, TINY, Some(&plain), &source).expect_err("no rate").to_string();
+        assert!(e.contains("--head-rate"), "{e}");
+    }
 }
 
 #[test]
@@ -345,12 +381,30 @@ fn objects_of_a_set_are_those_in_memory() {
     assert_eq!(a.placement, b.placement);
     assert!(stored.object(0, "shiny").is_err(), "the set has no such version");
     assert_eq!(stored.distances(0).expect("its mesh"), of.distances(0).expect("the same"));
+    // Images that are missing, and passes that a stage compares.
+    let image = dir.path().join("object_00000/uniform/images/0007.png");
+    std::fs::rename(&image, dir.path().join("away.png")).expect("moved");
+    let e = stored.object(0, "uniform").expect_err("nineteen images").to_string();
+    assert!(e.contains("0007.png"), "{e}");
+    std::fs::rename(dir.path().join("away.png"), &image).expect("moved");
     let record = dir.path().join("dataset.json");
-    let before = std::fs::read_to_string(&record).expect("its record");
-    std::fs::write(&record, before.replace("\"object_00000\"", "\"../object_00000\"")).expect("written");
+    let text = std::fs::read_to_string(&record).expect("its record");
+    let parsed: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+    for (key, value, stage) in [
+        ("passes", serde_json::json!(false), stage.clone()),
+        ("passes", serde_json::json!(["normal"]), Stage { points: 10.0, ..stage.clone() }),
+        ("truth", serde_json::json!(false), stage.clone().with_distances(10.0)),
+    ] {
+        let mut changed = parsed.clone();
+        changed["settings"][key] = value;
+        std::fs::write(&record, changed.to_string()).expect("written");
+        let e = Stored::open(dir.path(), &stage).expect_err("nothing to compare with").to_string();
+        assert!(e.contains("which stage 1a compares") || e.contains("--distances"), "{e}");
+    }
+    std::fs::write(&record, text.replace("\"object_00000\"", "\"../object_00000\"")).expect("written");
     let e = Stored::open(dir.path(), &stage).expect_err("a folder outside").to_string();
     assert!(e.contains("leads out of the folder"), "{e}");
-    std::fs::write(&record, before).expect("written");
+    std::fs::write(&record, text).expect("written");
     let small = dir.path().join("small");
     let settings = set::Settings { views: 2, size: 16, samples: 1, ..settings };
     set::run(&small, &settings, false, &AtomicBool::new(false), &mut |_, _, _| {}).expect("a set");

@@ -71,9 +71,9 @@ pub(crate) struct Args {
     /// The embedding's colour does not read the cosine of normal and reflection (LIRM does not)
     #[arg(long, requires = "nde")]
     no_cosine: bool,
-    /// Steps of a ray along the diagonal of the box
+    /// Samples of a ray along the diagonal of the box
     #[arg(long, value_name = "N", default_value_t = 192)]
-    samples: usize,
+    ray_samples: usize,
     /// Where the density of a step is taken
     #[arg(long, value_name = "NAME", default_value = "analytic", value_parser = ["left", "midpoint", "analytic"])]
     rule: String,
@@ -149,7 +149,7 @@ impl Args {
             heads: if self.heads == "trunk" { HeadForm::Trunk } else { HeadForm::Separate },
             embedding: self.nde,
             cosine: !self.no_cosine,
-            samples: self.samples,
+            samples: self.ray_samples,
             rule: Rule::parse(&self.rule)?,
             crop: self.crop_side,
             crops: self.crops,

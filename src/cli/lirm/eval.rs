@@ -8,6 +8,7 @@ use crate::meter::Meter;
 use crate::{Error, Result};
 use lastlight_lirm::evaluate::{self, Control, Order, Protocol};
 use lastlight_lirm::model::decode::Look;
+use lastlight_lirm::model::file::digest;
 use lastlight_lirm::model::weights::Ready;
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -64,7 +65,7 @@ const CONTROLS: &Choices = &[
   lastlight lirm eval s1c --seed 1 --objects 8              for comparing trainings
   lastlight lirm eval s3 --light environment --input-order sequential
 
-Every object has 48 views (lirm gen --cameras test): 16 inputs in four sets, read at 64x64, and 12 outputs, compared at 128x128. Two baselines are scored too, from the same foreground with images of 128x128: the nearest input image, and the visual hull of the inputs with their mean colours, which is also made of the 64x64 that the model reads. Materials count where the object covers a pixel and the model is opaque, beside the means of training objects. PSNR in dB over white; RFD, a distance of responses to random filters (not LPIPS); IoU of foregrounds; colour, the error of the mean colour, beside that of a grey of the true brightness; angles in degrees; distances of surfaces in radii of the object; means over outputs, then objects.")]
+Every object has 48 views (lirm gen --cameras test): 16 inputs in four sets, read at 64x64, and 12 outputs, compared at 128x128. Baselines, all with the true foregrounds: the nearest input image; the visual hull of the inputs with their mean colours, from 128x128 (hull), from the 64x64 that the model reads (hull 64²), and the former blurred by one pixel (blurred). Materials count where the object covers a pixel and the model is opaque, beside the means of training objects. PSNR in dB over white; RFD, a distance of responses to random filters (not LPIPS); IoU of foregrounds; colour, the error of the mean colour, beside that of a grey of the true brightness; normals in degrees; depth, the mean absolute difference in units in which the object's ball has the radius ½; with --shapes, surface, the mean distance of the surfaces in radii of the object, and found, the share of objects that have a surface; means over outputs, then objects.")]
 pub(crate) struct Args {
     /// Model, or the folder of a training [default: the included model]
     #[arg(value_name = "FILE")]
@@ -73,7 +74,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "N", default_value_t = 24, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     objects: u32,
     /// Index of the first object
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u64).range(..=u64::from(u32::MAX)))]
     first: u64,
     /// Light
     #[arg(long, value_name = "NAME", default_value = "uniform", value_parser = choices(LIGHTS))]
@@ -84,13 +85,13 @@ pub(crate) struct Args {
     /// Samples per pixel of the objects' images; their noise limits the scores
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     samples: u32,
-    /// Steps of a ray along the diagonal of the box
+    /// Samples of a ray along the diagonal of the box
     #[arg(long, value_name = "N", default_value_t = 128, value_parser = clap::value_parser!(u32).range(8..=4096))]
-    steps: u32,
+    ray_samples: u32,
     /// 1/β, the largest density [default: that of the last step of the training]
     #[arg(long, value_name = "X")]
     inverse_beta: Option<f32>,
-    /// Break one input of the model: a score that does not fall has not used it
+    /// Break one input of the model; if the score does not fall, the model does not use that input
     #[arg(long, value_name = "NAME", default_value = "none", value_parser = choices(CONTROLS))]
     control: String,
     /// Multiply the colours of every object by a random one, whose channels lose up to this part of the largest: built-in objects are nearly grey
@@ -111,17 +112,15 @@ pub(super) fn run(args: &Args) -> Result<()> {
     if !(0.0..=1.0).contains(&args.tint) {
         return Err(Error::input("--tint").expected("0 to 1").got(args.tint.to_string()));
     }
-    if let Some(x) = args.inverse_beta.filter(|x| !(*x > 0.0 && x.is_finite())) {
-        return Err(Error::input("--inverse-beta").expected("a number above 0").got(x.to_string()));
-    }
     let mut meter = Meter::new();
     let (model, name) = weights::model(args.model.as_deref(), &meter)?;
+    let inverse_beta = weights::inverse_beta(args.inverse_beta, &model)?;
     let ready = Ready::new(model.config, &model.params);
     let p = Protocol {
         set: evaluate::settings(args.seed, args.samples),
         version: args.light.clone(),
         order: if args.input_order == "random" { Order::Random } else { Order::Sequential },
-        look: Look::of_field(args.steps as usize, args.inverse_beta.unwrap_or_else(|| model.inverse_beta())),
+        look: Look::of_field(args.ray_samples as usize, inverse_beta),
         control: match args.control.as_str() {
             "zeroed-state" => Control::ZeroedState,
             "permuted-cameras" => Control::PermutedCameras,
@@ -145,8 +144,8 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let means = evaluate::means(&all);
     let objects: Vec<Value> = all.iter().map(|s| json!({ "object": s.object, "rounds": s.rounds })).collect();
     let record = json!({
-        "model": name, "stages": model.stages(), "light": args.light, "order": args.input_order, "control": args.control, "tint": args.tint,
-        "seed": args.seed, "inverse_beta": p.look.inverse_beta,
+        "model": name, "digest": digest(&model.params), "stages": model.stages(), "light": args.light, "order": args.input_order, "control": args.control, "tint": args.tint,
+        "seed": args.seed, "samples": args.samples, "ray_samples": args.ray_samples, "sets": args.sets, "inverse_beta": p.look.inverse_beta,
         "rounds": means, "objects": objects,
     });
     if cli::is_json() {

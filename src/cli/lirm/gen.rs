@@ -24,7 +24,7 @@ Examples:
   lastlight lirm gen --out ego --cameras egocentric --lens pinhole --lighting environment --views 60
   lastlight lirm gen --out mine --mesh helmet.gltf,cow.obj --env dresden.hdr --lighting environment
 
-Each object gets a folder with object.json, its truth (object.glb, and environment.exr if it stands under a map) and one capture per light: transforms.json, images/, foreground/, and by default radiance/, depth/, normal/, albedo/, material/. `mesh render object.glb --env environment.exr` renders it anew. Object k is the same whatever --objects and --first are, so a set can be made in pieces, each in a folder of its own. An interrupted run continues with --resume, which may also ask for more --objects.";
+Each object gets a folder with object.json, its truth (object.glb, and environment.exr if it is lit by a map) and one capture per light: transforms.json, images/, foreground/, and by default radiance/, depth/, normal/, albedo/, material/. `mesh render object.glb --env environment.exr` renders it anew. Object k is the same whatever --objects and --first are, so a set can be made in pieces, each in a folder of its own. An interrupted run continues with --resume; --objects may then be larger.";
 
 /// Values of `--lighting`.
 const LIGHTING: &Choices =
@@ -60,7 +60,7 @@ pub(crate) struct Args {
     /// Light of the objects
     #[arg(long, value_name = "NAME", default_value = "uniform", value_parser = choices(LIGHTING))]
     lighting: String,
-    /// Panoramas to use instead of the built-in ones, comma-separated or repeated: .hdr, .exr, .png, .jpg, each object turns its own; or axes, the test map that colours the axes, as it is
+    /// Panoramas to use instead of the built-in ones, comma-separated or repeated: .hdr, .exr, .png and .jpg files are turned about the vertical by a random angle per object; axes is a test map that colours the directions of the axes, and is not turned
     #[arg(long, value_name = "FILE|NAME", value_delimiter = ',')]
     env: Vec<PathBuf>,
     /// Orientation of the panorama's axes
@@ -90,7 +90,7 @@ pub(crate) struct Args {
     /// Samples per pixel
     #[arg(long, value_name = "N", default_value_t = 64)]
     samples: u32,
-    /// Surfaces after the first that light may come by; 0 is direct light only
+    /// Further bounces of light after the first surface; 0 is direct light only
     #[arg(long, value_name = "N", default_value_t = 1)]
     bounces: u32,
     /// Side of a square with as many texels as the textures of an object [default: twice --size, 128 to 1024]

@@ -65,8 +65,8 @@ impl FirstArgs {
     }
 }
 
-/// Bytes of a parameter: in single precision, as it is read back from half precision, and in the file.
-const BYTES: u64 = 4 + 4 + 2;
+/// Bytes of a parameter: in single precision, rounded to half precision, as an array of the file, and in it.
+const BYTES: u64 = 4 + 4 + 4 + 2;
 
 /// Write a LIRM model with first values.
 #[derive(clap::Args)]
@@ -81,13 +81,13 @@ pub(crate) struct Args {
     /// File for the model, .safetensors in half precision
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// Configuration: small (6 blocks of width 256, 5.8 million parameters), paper (24 of width 1024, 326 million), or a .json file with some of the
+    /// Configuration: small (6 blocks of width 256, 5.7 million parameters, 5.8 with --whole), paper (24 of width 1024, 326 million), or a .json file with some of the
     /// settings that --json prints; the others are those of small
     #[arg(long, value_name = "FILE|NAME", default_value = "small")]
     config: String,
     #[command(flatten)]
     choices: FirstArgs,
-    /// Whether photos are read, and there are materials and colours that depend on direction
+    /// Also read the unmasked photos, and add materials and colours that depend on direction
     #[arg(long)]
     whole: bool,
     /// Seed of all random numbers

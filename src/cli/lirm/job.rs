@@ -8,14 +8,14 @@
 use crate::field::page;
 use crate::fit::field::place::{Pose, around, placement, posed, unit_ball, upright};
 use crate::fit::field::scores::means;
-use crate::fit::field::targets::{Picture, Pictures, Target};
+use crate::fit::field::targets::{Picture, Pictures, Target, placed, sees};
 use crate::fit::field::{Scores, score, view};
 use crate::fit::render::flat_name;
 use crate::fit::training::Watch;
 use crate::io::{atomic, memory};
 use crate::meter::Meter;
 use crate::num::gemm::{Finish, View, gemm};
-use crate::num::order;
+use crate::num::{order, par};
 use crate::report::run::Run;
 use crate::report::{self};
 use crate::scene::camera::Camera;
@@ -25,14 +25,14 @@ use crate::shared::{Outcome, name};
 use crate::training::RESULT;
 use crate::units::counted;
 use crate::{Error, Result, console as cli, units, version};
-use lastlight_lirm::model::config::Config;
+use lastlight_lirm::model::config::{Config, PATCH};
 use lastlight_lirm::model::decode::Look;
 use lastlight_lirm::model::file::{Model, digest};
 use lastlight_lirm::model::params::count;
 use lastlight_lirm::model::state::{FILE as STATE, State};
 use lastlight_lirm::model::transformer::Input;
 use lastlight_lirm::model::weights::Ready;
-use lastlight_lirm::reading::inputs;
+use lastlight_lirm::reading::{check_tokens, inputs};
 use lastlight_lirm::views::Views;
 use serde_json::{Value, json};
 use std::path::Path;
@@ -93,13 +93,13 @@ pub(crate) struct Made {
 }
 
 /// Prints the size of the work before it starts; refuses what does not fit into the memory.
-fn announce(config: &Config, sets: &[Vec<Input>], meter: &mut Meter) -> Result<()> {
-    let tokens = |set: &Vec<Input>| set.iter().fold(0, |sum, x| sum + x.tokens());
-    let most = sets.iter().map(tokens).fold(0, Ord::max);
+fn announce(kind: &str, config: &Config, tokens: &[usize], meter: &mut Meter) -> Result<()> {
+    tokens.iter().try_for_each(|n| check_tokens(*n))?;
+    let most = tokens.iter().copied().fold(0, Ord::max);
     let (parameters, operations) =
-        (count(config), sets.iter().fold(0.0, |sum, set| sum + config.flops(tokens(set))[0]));
+        (count(config), tokens.iter().fold(0.0, |sum, n| sum + config.flops(*n)[0]));
     let bytes = config.memory(parameters, most);
-    memory::check("lirm reconstruct", bytes).map_err(|e| {
+    memory::check(kind, bytes).map_err(|e| {
         e.hint("--images-per-set and --downscale lower the estimate, --max-memory raises the limit")
     })?;
     let mut line = format!(
@@ -139,7 +139,15 @@ fn own_pose(of_model: Pose, cameras: &[&Camera], meter: &Meter) -> Pose {
 /// The state must come from this model.
 fn belongs(state: &State, model: &Model) -> Result<()> {
     let own = digest(&model.params);
-    if state.config == model.config && state.model == own {
+    let [of_state, of_model] = [state.config.json(), model.config.json()];
+    let settings = of_state.as_object().into_iter().flatten();
+    if let Some((name, x)) = settings.into_iter().find(|(name, x)| of_model[name.as_str()] != **x) {
+        return Err(Error::input("--model")
+            .at(format!("setting {name}"))
+            .expected(format!("{x}, as in the model of the state"))
+            .got(of_model[name.as_str()].to_string()));
+    }
+    if state.model == own {
         return Ok(());
     }
     Err(Error::input("--model")
@@ -151,11 +159,13 @@ impl Job<'_> {
     /// The place of the object: that of the state, or one around what the images show.
     ///
     /// # Errors
-    /// When the state comes from another model, or the images do not show which direction is up.
+    /// When the state comes from another model, the images do not show which direction is up, or they do not show the object in its
+    /// box.
     pub(crate) fn place(&self, start: &Start, meter: &Meter) -> Result<Placement> {
         let (pose, given) = match start {
             Start::State(state) => {
                 belongs(state, self.model)?;
+                self.check(&state.placement, true)?;
                 return Ok(state.placement);
             }
             Start::Nothing(pose, given) => (pose, given),
@@ -169,7 +179,9 @@ impl Job<'_> {
         };
         let cameras: Vec<&Camera> = read.iter().map(|p| &p.camera).collect();
         let pose = pose.unwrap_or_else(|| own_pose(self.model.config.pose, &cameras, meter));
-        posed(placement(&scene), pose, &cameras)
+        let place = posed(placement(&scene), pose, &cameras)?;
+        self.check(&place, false)?;
+        Ok(place)
     }
 
     /// Images of the size that is read.
@@ -177,17 +189,52 @@ impl Job<'_> {
         match self.size {
             Size::Cropped(side) => Ok(views.cropped(side)),
             Size::Own => Ok(views),
-            Size::Usual => match views.square_factor(TRAINED) {
-                Some(factor) => views.small(factor),
-                None => Ok(views.cropped(TRAINED)),
-            },
+            Size::Usual => views.sized(TRAINED),
         }
     }
 
-    /// Reads the sets, decodes the state, scores the field on the held-out images and writes all of it into a folder that is there.
+    /// The tokens of an image of the size that is read.
+    fn tokens(&self, p: &Picture) -> usize {
+        let [width, height] = match self.size {
+            Size::Cropped(side) => [side; 2],
+            Size::Own => [p.camera.width, p.camera.height],
+            Size::Usual => [TRAINED; 2],
+        };
+        width.div_ceil(PATCH) * height.div_ceil(PATCH)
+    }
+
+    /// Checks that every image shows the object, and one of every set shows it in the box.
+    fn check(&self, place: &Placement, is_update: bool) -> Result<()> {
+        for set in &self.sets {
+            let all = || set.iter().map(|i| &self.pictures.pictures[*i]);
+            if let Some(p) = all().find(|p| p.foreground.iter().all(|m| *m < 0.5)) {
+                return Err(Error::input(p.name.clone())
+                    .at("foreground")
+                    .expected("the object in at least one pixel")
+                    .got("none")
+                    .hint("--inputs names the images to read"));
+            }
+            if all().any(|p| sees(&placed(&p.camera, place), &p.foreground)) {
+                continue;
+            }
+            return Err(match is_update {
+                true => Error::input("capture")
+                    .expected("images that show the object in the box of the state")
+                    .got("a set without a foreground pixel that sees it"),
+                false => Error::input("--box")
+                    .expected("a box that covers the object in the images")
+                    .got("one that no foreground pixel of a set sees"),
+            });
+        }
+        Ok(())
+    }
+
+    /// Reads the sets, decodes the state, scores the field on the held-out images, then writes all of it into a folder
+    /// that is there.
     ///
     /// # Errors
-    /// When an image cannot be read, the work does not fit into the memory, or a file cannot be written.
+    /// When an image cannot be read, the work does not fit into the memory, a number is
+    /// not finite, or a file cannot be written.
     pub(crate) fn run(&self, start: Start, place: Placement, dir: &Path, meter: &mut Meter) -> Result<Made> {
         let (model, pictures) = (self.model, self.pictures);
         let before = match start {
@@ -195,25 +242,43 @@ impl Job<'_> {
             Start::State(state) => Some(*state),
         };
         meter.lap("reading");
-        let set = |some: &Vec<usize>| {
-            let views = Views::of_capture(pictures, some, place)?;
-            inputs(&self.sized(views)?, &model.config)
+        let of_set = |set: &Vec<usize>| set.iter().fold(0, |n, i| n + self.tokens(&pictures.pictures[*i]));
+        let tokens: Vec<usize> = self.sets.iter().map(of_set).collect();
+        announce(self.kind, &model.config, &tokens, meter)?;
+        // One by one, so that copies of a few images are in memory.
+        let input = |i: usize| -> Result<Input> {
+            let views = self.sized(Views::of_capture(pictures, &[i], place)?)?;
+            Ok(inputs(&views, &model.config)?.swap_remove(0))
         };
+        let set = |some: &Vec<usize>| par::map(some.len(), |k| input(some[k])).into_iter().collect();
         let sets: Vec<Vec<Input>> = self.sets.iter().map(set).collect::<Result<_>>()?;
         meter.lap("inputs");
-        announce(&model.config, &sets, meter)?;
         let ready = Ready::new(model.config, &model.params);
         let start = before.as_ref().map_or_else(|| ready.no_state(), |s| s.tokens.clone());
         let is_update = before.is_some();
         let (tokens, changes) = ready.read_all(&start, &sets);
+        if let Some(bad) = tokens.iter().find(|x| !x.is_finite()) {
+            return Err(Error::check(self.kind).at("state").expected("finite numbers").got(bad.to_string()));
+        }
         meter.lap("transformer");
         let field = ready.decode(&tokens, self.look, place);
+        field.validate()?;
         meter.lap("decoding");
+        let exposure = before.as_ref().map_or(pictures.exposure, |s| s.exposure);
         let (mut read_so_far, mut all_changes, mut images) =
             before.map_or_else(Default::default, |s| (s.sets, s.changes, s.images));
-        all_changes.extend(&changes);
+        let own = self.sets.iter().flatten().map(|i| pictures.pictures[*i].name.clone());
+        let again = own.clone().filter(|name| images.contains(name)).count();
+        if again > 0 {
+            meter
+                .note(&format!("{again} of the images have names of images that the state has read already"));
+        }
+        // A state of an earlier version has no changes: the list is that of all sets, or empty.
+        if all_changes.len() == read_so_far.len() {
+            all_changes.extend(&changes);
+        }
         read_so_far.extend(sets.iter().map(Vec::len));
-        images.extend(self.sets.iter().flatten().map(|i| pictures.pictures[*i].name.clone()));
+        images.extend(own);
         let state = State {
             tokens,
             placement: place,
@@ -222,15 +287,16 @@ impl Job<'_> {
             sets: read_so_far,
             changes: all_changes,
             images,
-            exposure: pictures.exposure,
+            exposure,
         };
-        state.write(&dir.join(STATE))?;
-        field.write(&dir.join(FIELD))?;
-        let targets = pictures.targets(place);
+        let targets = pictures.held_out(&place);
         let (seen, held_out): (Vec<&Target>, Vec<&Target>) =
-            targets.test.iter().partition(|t| state.images.contains(&t.name));
+            targets.iter().partition(|t| state.images.contains(&t.name));
         if !seen.is_empty() {
-            meter.note(&format!("{} of the capture's test images were read and are not scored", seen.len()));
+            meter.note(&format!(
+                "{} of the capture's test images have names of images that were read, and are not scored",
+                seen.len()
+            ));
         }
         let scores = |field: &Field| -> Result<Vec<Scores>> {
             let cells = view::occupancy(field)?;
@@ -244,6 +310,8 @@ impl Job<'_> {
             None
         };
         meter.lap("evaluation");
+        state.write(&dir.join(STATE))?;
+        field.write(&dir.join(FIELD))?;
         if let [.., a, b] = state.changes[..]
             && order::max(a, b) < SETTLED
         {
@@ -270,7 +338,7 @@ impl Job<'_> {
         let digest = field.digest()?;
         let held_out_db = means["psnr_db"].as_f64().unwrap_or(f64::NAN);
         let mut record = json!({
-            "kind": self.kind, "lastlight": env!("CARGO_PKG_VERSION"), "digest": digest, "sets": state.sets, "changes": changes, "exposure": state.exposure,
+            "kind": self.kind, "lastlight": env!("CARGO_PKG_VERSION"), "digest": digest, "model": state.model, "sets": state.sets, "changes": changes, "exposure": state.exposure,
             "arguments": cli::arguments(), "build": version::record(), "settings": self.settings, "seconds": meter.seconds(),
             "evaluation": {"mean": means, "views": views},
         });

@@ -12,7 +12,7 @@ use crate::shared::ForceArgs;
 use crate::{Error, Result, claim};
 use lastlight_lirm::model::decode::Look;
 use lastlight_lirm::model::state::State;
-use serde_json::json;
+use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
 /// Which images of a capture are read, and how the result is rendered.
@@ -21,7 +21,7 @@ struct Common {
     /// Model, or the folder of a training [default: the included model]
     #[arg(long, value_name = "FILE")]
     model: Option<PathBuf>,
-    /// Images to read, by name, comma-separated or repeated [default: all training images]
+    /// Images to read, comma-separated or repeated: names as in the capture, or file names, with or without extension [default: all training images]
     #[arg(long, value_name = "FILE", value_delimiter = ',')]
     inputs: Vec<String>,
     /// Images of a set: the state is updated after each [default: all at once]
@@ -31,15 +31,15 @@ struct Common {
     /// of 64, 128, 192 … pixels are shrunk as a whole to the 64 that the model was trained with, others are cut to 64]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(8..=4096))]
     crop_side: Option<u32>,
-    /// Shrink the images by a whole factor, averaging blocks of pixels, and read all of them
+    /// Shrink the images by an integer factor, averaging blocks of pixels, and read them uncropped; the sides must then be multiples of 8
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=16))]
     downscale: Option<u8>,
     /// Accept absolute paths and `..` in the files of a capture; only for files that you trust
     #[arg(long)]
     allow_outside: bool,
-    /// Steps of a ray along the diagonal of the box
+    /// Samples of a ray along the diagonal of the box
     #[arg(long, value_name = "N", default_value_t = 192, value_parser = clap::value_parser!(u32).range(1..=4096))]
-    samples: u32,
+    ray_samples: u32,
     /// 1/β, the largest density [default: that of the last step of the training]
     #[arg(long, value_name = "X")]
     inverse_beta: Option<f32>,
@@ -99,21 +99,36 @@ impl Common {
         if self.inputs.is_empty() {
             return Ok(pictures.views.train.clone());
         }
-        let stem = |name: &str| {
-            let name = Path::new(name).file_stem().unwrap_or_default();
-            name.to_string_lossy().into_owned()
+        let all = &pictures.pictures;
+        // A file name, with or without its extension.
+        let ends = |name: &str, wanted: &str| {
+            let path = Path::new(name);
+            [path.file_name(), path.file_stem()].into_iter().flatten().any(|part| part == wanted)
         };
-        let find = |wanted: &String| {
-            let all = &pictures.pictures;
-            let exact = all.iter().position(|p| p.name == *wanted);
-            exact.or_else(|| all.iter().position(|p| stem(&p.name) == stem(wanted))).ok_or_else(|| {
-                let first = all.first().map_or_else(String::new, |p| p.name.clone());
-                Error::input("--inputs")
-                    .expected(format!("names of the capture, such as {first}"))
-                    .got(wanted.clone())
-            })
+        let find = |wanted: &String| -> Result<usize> {
+            if let Some(i) = all.iter().position(|p| p.name == *wanted) {
+                return Ok(i);
+            }
+            let alike: Vec<usize> = (0..all.len()).filter(|i| ends(&all[*i].name, wanted)).collect();
+            match alike[..] {
+                [i] => Ok(i),
+                [] => {
+                    let first = all.first().map_or_else(String::new, |p| p.name.clone());
+                    Err(Error::input("--inputs")
+                        .expected(format!("names of the capture, such as {first}"))
+                        .got(wanted.clone()))
+                }
+                [a, b, ..] => Err(Error::input("--inputs")
+                    .expected(format!("a name of one image: {} and {} end so", all[a].name, all[b].name))
+                    .got(wanted.clone())),
+            }
         };
-        self.inputs.iter().map(find).collect()
+        let found = self.inputs.iter().map(find).collect::<Result<Vec<usize>>>()?;
+        if let Some(k) = (0..found.len()).find(|k| found[..*k].contains(&found[*k])) {
+            let twice = all[found[k]].name.clone();
+            return Err(Error::input("--inputs").expected("every image once").got(format!("{twice} twice")));
+        }
+        Ok(found)
     }
 
     /// Size of the images that are read.
@@ -129,23 +144,29 @@ impl Common {
 pub(super) fn run(args: &Args) -> Result<()> {
     let pose = args.field_axes.as_deref().and_then(Pose::named);
     let cube = args.bounds.as_deref().map(read::cube).transpose()?;
-    made(&args.common, &args.capture, Start::Nothing(pose, cube), "lirm reconstruct")
+    let own = [("box", json!(args.bounds)), ("field_axes", json!(args.field_axes))];
+    made(&args.common, &args.capture, Start::Nothing(pose, cube), "lirm reconstruct", &own)
 }
 
 pub(super) fn update(args: &UpdateArgs) -> Result<()> {
     let before = State::read(&args.state)?;
-    made(&args.common, &args.capture, Start::State(Box::new(before)), "lirm update")
+    let own = [("state", json!(args.state))];
+    made(&args.common, &args.capture, Start::State(Box::new(before)), "lirm update", &own)
 }
 
-fn made(args: &Common, capture: &Path, start: Start, kind: &'static str) -> Result<()> {
+fn made(
+    args: &Common,
+    capture: &Path,
+    start: Start,
+    kind: &'static str,
+    own: &[(&str, Value)],
+) -> Result<()> {
     let mut meter = Meter::new();
     let (model, name) = weights::model(args.model.as_deref(), &meter)?;
     if let Some(side) = args.crop_side.filter(|side| !side.is_multiple_of(8)) {
         return Err(Error::input("--crop-side").expected("a multiple of 8").got(side.to_string()));
     }
-    if let Some(x) = args.inverse_beta.filter(|x| !(*x > 0.0 && x.is_finite())) {
-        return Err(Error::input("--inverse-beta").expected("a number above 0").got(x.to_string()));
-    }
+    let inverse_beta = weights::inverse_beta(args.inverse_beta, &model)?;
     let options = read::options(args.downscale.unwrap_or(1), args.allow_outside);
     let exposure = match &start {
         Start::State(state) => Some(state.exposure),
@@ -157,7 +178,11 @@ fn made(args: &Common, capture: &Path, start: Start, kind: &'static str) -> Resu
         return Err(Error::input("capture").expected("at least one training image").got("none"));
     }
     let of_set = Ord::max(args.images_per_set.map_or(which.len(), |n| n as usize), 1);
-    let inverse_beta = args.inverse_beta.unwrap_or_else(|| model.inverse_beta());
+    let mut settings = json!({
+        "capture": capture, "model": name, "inputs": args.inputs, "images_per_set": args.images_per_set, "crop_side": args.crop_side,
+        "downscale": args.downscale, "ray_samples": args.ray_samples, "inverse_beta": inverse_beta,
+    });
+    own.iter().for_each(|(name, value)| settings[*name] = value.clone());
     let job = Job {
         kind,
         model: &model,
@@ -165,11 +190,8 @@ fn made(args: &Common, capture: &Path, start: Start, kind: &'static str) -> Resu
         pictures: &pictures,
         sets: which.chunks(of_set).map(<[usize]>::to_vec).collect(),
         size: args.size(),
-        look: Look::of_field(args.samples as usize, inverse_beta),
-        settings: json!({
-            "capture": capture, "model": name, "inputs": args.inputs, "images_per_set": args.images_per_set, "crop_side": args.crop_side,
-            "downscale": args.downscale, "samples": args.samples, "inverse_beta": inverse_beta,
-        }),
+        look: Look::of_field(args.ray_samples as usize, inverse_beta),
+        settings,
     };
     let place = job.place(&start, &meter)?;
     let dir = claim::folder(&args.out, false, args.filling.force)?;

@@ -12,7 +12,7 @@ use std::path::PathBuf;
   lastlight lirm relight r1 --env studio --cameras orbit:8 --out relit
   lastlight lirm relight r1 --env probe.exr --cameras object/uniform --out relit
 
-The same as field relight. Materials come from the stages with all heads (2a to 3): a model of stage 1 has colours only.")]
+The same as field relight. Materials require a model of stages 2a to 3. Without them the colour is used as base colour: it already contains the light of the images.")]
 pub(crate) struct Args {
     /// Folder of lirm reconstruct or lirm update, or its field.safetensors
     #[arg(value_name = "FILE")]

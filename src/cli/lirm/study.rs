@@ -50,7 +50,7 @@ enum Command {
   lastlight lirm study rounds controls --out trial --scale quick
   lastlight lirm study --out study --resume                       continue an interrupted study
 
-`lirm study list` lists the experiments. Objects are those of seed 2: trainings use seed 0. Variants trains five small models of 1 250 steps each: hours on two cores. Every cell (a model and an object, or a training) is a file in --out; reports are made from these files. Written to --out: study.json, one CSV per experiment and report/index.html.")]
+`lirm study list` lists the experiments. Objects are those of seed 2; models are trained with seed 0, one of the variants with seed 3. Variants trains five small models of 1 250 steps each: hours on two cores. Every cell (a model and an object, or a training) is a file in --out; reports are made from these files. Written to --out: study.json, one CSV per experiment and report/index.html.")]
 #[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 pub(crate) struct Args {
     #[command(subcommand)]

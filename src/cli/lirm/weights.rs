@@ -1,7 +1,7 @@
 //! The model of the commands that use one.
 
-use crate::Result;
 use crate::meter::Meter;
+use crate::{Error, Result};
 use lastlight_lirm::model::file::Model;
 use lastlight_lirm::model::shipped;
 use std::path::Path;
@@ -17,4 +17,15 @@ pub(crate) fn model(path: Option<&Path>, meter: &Meter) -> Result<(Model, String
     let model = shipped::objects()?;
     meter.note(&format!("model {}, trained in stages {}", shipped::NAME, model.stages().join(", ")));
     Ok((model, shipped::NAME.to_owned()))
+}
+
+/// The 1/β of a command: the given one, or that of the model.
+///
+/// # Errors
+/// If it is out of the range of a field.
+pub(super) fn inverse_beta(given: Option<f32>, model: &Model) -> Result<f32> {
+    match given.filter(|x| !(1e-6..=1e6).contains(x)) {
+        Some(x) => Err(Error::input("--inverse-beta").expected("0.000001 to 1000000").got(x.to_string())),
+        None => Ok(given.unwrap_or_else(|| model.inverse_beta())),
+    }
 }

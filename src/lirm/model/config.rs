@@ -36,8 +36,8 @@ pub const HALF_SIZE: f32 = 0.525;
 pub enum Fuse {
     /// The tokens are the output of the network alone.
     Published,
-    /// The output of the network is added to the place tokens. It is 0 at first with the published first values, and half of the channels of the last state
-    /// with the scaled ones.
+    /// The output of the network is added to the place tokens. It is 0 at first with the published first
+    /// values, and half of the channels of the last state with the scaled ones.
     #[default]
     Residual,
 }
@@ -54,10 +54,11 @@ impl Fuse {
 
 /// The six coordinates in which a pixel's ray enters. Those of one kind follow from those of the other.
 ///
-/// A token of a plane has to find the patches whose rays pass its column of space. The squared distance of a point p from a ray is, but for
-/// a term with (p·d)², |c|² − 2 p·c + |p|²: with c in the token, the product of a query and a key has the second term already. With the moment m, c = d × m is made of
-/// products of coordinates, which layers have to learn first. A replica uses its cameras sooner with c; in the program's own training c alone changed nothing so far
-/// (chapter `small_model` of the book).
+/// A token of a plane has to find the patches whose rays pass its column of space. The squared distance of a
+/// point p from a ray is, but for a term with (p·d)², |c|² − 2 p·c + |p|²: with c in the token, the product
+/// of a query and a key has the second term already. With the moment m, c = d × m is made of products of
+/// coordinates, which layers have to learn first. A replica uses its cameras sooner with c; in the program's
+/// own training c alone changed nothing so far (chapter `small_model` of the book).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Rays {
     /// Unit direction d and moment m = o × d: Plücker coordinates, as published.
@@ -79,7 +80,8 @@ impl Rays {
 
 /// What the images that a model reads have where the object is not.
 ///
-/// A white background tells where an object ends unless its edge is bright. The foreground of the inputs is known, so it need not be guessed.
+/// A white background tells where an object ends unless its edge is bright. The foreground of the inputs is
+/// known, so it need not be guessed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Background {
     /// White, 1 in the range of −1 to 1 of colours: as published.
@@ -101,17 +103,19 @@ impl Background {
 
 /// First values of weights and tokens.
 ///
-/// The published ones suit a width of 1024 and a training of tens of thousands of steps. In a short training of a narrow model they slow
-/// down the first hundreds of steps: a head without biases passes gradients on times the product of its layers' gains (a thousandth for the four layers of a
-/// colour head at a gain of ¼), weights of deviation 0.02 make the branches of a narrow block weak, and place tokens without any order
+/// The published ones suit a width of 1024 and a training of tens of thousands of steps. In a short training
+/// of a narrow model they slow down the first hundreds of steps: a head without biases passes gradients on
+/// times the product of its layers' gains (a thousandth for the four layers of a colour head at a gain of ¼),
+/// weights of deviation 0.02 make the branches of a narrow block weak, and place tokens without any order
 /// have to learn one by one where they are.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum FirstValues {
     /// Heads with a gain of ¼, other weights with a deviation of 0.02, random place tokens.
     Published,
-    /// Heads with a gain of ½ (distances, so that the first surface is about a ball, and normals, so that they are about radial) and 2, other weights with a deviation of
-    /// 0.02·√(1024/D), less in the last layers of branches, place tokens that are projections of their positions ([`super::places`]), rays and texels as in the table
-    /// of [`super::params`].
+    /// Heads with a gain of ½ (distances, so that the first surface is about a ball, and normals, so that
+    /// they are about radial) and 2, other weights with a deviation of 0.02·√(1024/D), less in the last
+    /// layers of branches, place tokens that are projections of their positions ([`super::places`]), rays and
+    /// texels as in the table of [`super::params`].
     #[default]
     Scaled,
 }
@@ -292,8 +296,8 @@ impl Config {
         self.embed_tokens > 0
     }
 
-    /// Returns the floating-point operations of one set of images without gradients, and those of its attention alone, for a number of
-    /// image tokens: two per product and sum.
+    /// Returns the floating-point operations of one set of images without gradients, and those of its
+    /// attention alone, for a number of image tokens: two per product and sum.
     pub fn flops(&self, image_tokens: usize) -> [f64; 2] {
         let t = (self.state_tokens() + image_tokens) as f64;
         let (d, blocks) = (self.width as f64, self.blocks as f64);
@@ -307,8 +311,9 @@ impl Config {
         [attention + linear + ends, attention]
     }
 
-    /// Returns the bytes that one set of images without gradients needs at most, for a number of image tokens: weights, the matrices that weight
-    /// norm makes, fifteen arrays of all tokens, and the texels. `parameters` is the number of weights.
+    /// Returns the bytes that one set of images without gradients needs at most, for a number of image
+    /// tokens: weights, the matrices that weight norm makes, fifteen arrays of all tokens, and the texels.
+    /// `parameters` is the number of weights.
     pub fn memory(&self, parameters: usize, image_tokens: usize) -> u64 {
         let (tokens, d) = (self.state_tokens() + image_tokens, self.width);
         let normed = self.blocks * 8 * d * d;
@@ -325,7 +330,8 @@ impl Config {
         })
     }
 
-    /// Reads a configuration file: some of the settings of [`Self::json`] under the same names; the others are those of [`Self::SMALL`].
+    /// Reads a configuration file: some of the settings of [`Self::json`] under the same names; the others
+    /// are those of [`Self::SMALL`].
     ///
     /// # Errors
     /// A setting that is unknown, or out of its range; the error names it.
@@ -334,23 +340,24 @@ impl Config {
         let Some(given) = from.as_object() else {
             return Err(Error::input("configuration").expected("a JSON object").got(from.to_string()));
         };
-        for (key, value) in given {
-            if all.get(key).is_none() {
-                let names: Vec<&String> =
-                    all.as_object().into_iter().flatten().map(|(name, _)| name).collect();
-                let names = names.iter().map(|n| n.as_str()).collect::<Vec<_>>().join(", ");
-                return Err(Error::input("configuration").expected(names).got(key.clone()));
-            }
-            all[key] = value.clone();
-        }
+        // A setting that does not exist is one more, which is refused.
+        given.iter().for_each(|(key, value)| all[key] = value.clone());
         Self::parse(&all)
     }
 
     /// Reads the settings from the object of [`Self::json`].
     ///
     /// # Errors
-    /// A missing setting, or one out of its range; the error names it.
+    /// A missing or unknown setting, or one out of its range; the error names it.
     pub fn parse(from: &Value) -> Result<Self> {
+        let known = Self::SMALL.json();
+        if let Some((key, _)) =
+            from.as_object().into_iter().flatten().find(|(key, _)| known.get(key).is_none())
+        {
+            let names: Vec<&str> =
+                known.as_object().into_iter().flatten().map(|(name, _)| name.as_str()).collect();
+            return Err(Error::input("configuration").expected(names.join(", ")).got(key.clone()));
+        }
         let missing = |key: &str, want: &str| {
             let got = from.get(key).map_or_else(|| "nothing".to_owned(), Value::to_string);
             Error::input("configuration").at(key.to_owned()).expected(want.to_owned()).got(got)
@@ -442,6 +449,7 @@ mod tests {
             ("rays", json!("moment")),
             ("background", json!(1)),
             ("width", json!(-1)),
+            ("attention", json!("linear")),
         ] {
             let mut bad = Config::SMALL.json();
             bad[key] = value;

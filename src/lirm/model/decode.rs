@@ -39,7 +39,8 @@ impl Look {
     }
 }
 
-/// The index, in the square of panoramas, of number i of the four panoramas with `side` rows of `side` texels.
+/// The index, in the square of panoramas, of number i of the four panoramas with `side` rows of `side`
+/// texels.
 fn in_square(i: usize, side: usize, channels: usize) -> usize {
     let (texel, c) = (i / channels, i % channels);
     let (level, row, column) = (texel / (side * side), texel / side % side, texel % side);
@@ -117,7 +118,8 @@ impl Ready<'_> {
         Field { planes, panoramas, heads: self.networks(), settings, placement }
     }
 
-    /// Adds the gradients of the layers and heads for the gradients of a decoded field to `g`; returns the cotangent of the state.
+    /// Adds the gradients of the layers and heads for the gradients of a decoded field to `g`; returns the
+    /// cotangent of the state.
     pub fn pull_decoded(&self, state: &[f32], bar: &InBar, g: &mut Gradients) -> Vec<f32> {
         let c = &self.config;
         let at = c.tokens()[0] * c.width;
@@ -153,6 +155,7 @@ impl Ready<'_> {
         for (name, layers) in all {
             for (l, part) in layers.iter().enumerate() {
                 let sum = g.get_mut(&format!("heads/{name}/{l}")).expect("a head of this model");
+                assert_eq!(sum.len(), part.len(), "the layer {l} of head {name}");
                 sum.iter_mut().zip(part).for_each(|(s, p)| *s += p);
             }
         }

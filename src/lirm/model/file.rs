@@ -1,7 +1,8 @@
 //! The file of a model, in safetensors format: all arrays of [`super::params`] under their names, and text.
 //!
-//! Metadata: `kind`, `version`, `configuration` (JSON of [`Config::json`]), `training` (JSON of its parts, one after the other: [`super::origin`]), `digest` of
-//! names and values. Arrays are in half precision, rounded to nearest, or in single precision; the digest is that of the numbers in the file.
+//! Metadata: `kind`, `version`, `configuration` (JSON of [`Config::json`]), `training` (JSON of its parts,
+//! one after the other: [`super::origin`]), `digest` of names and values. Arrays are in half precision,
+//! rounded to nearest, or in single precision; the digest is that of the numbers in the file.
 
 use super::config::Config;
 use super::origin::{self, Part};
@@ -19,6 +20,26 @@ use std::path::Path;
 pub const FILE: &str = "model.safetensors";
 /// The kind recorded in the metadata.
 const KIND: &str = "LIRM model";
+
+/// Largest magnitude of a weight and of a number of a state: that of the numbers of a field.
+const MAX_VALUE: f32 = 1e12;
+
+/// The numbers of an array of a shape, in single precision.
+///
+/// # Errors
+/// If it is missing, has another shape, or a number is not finite or too large.
+pub(super) fn numbers(arrays: &Arrays, name: &str, shape: &[usize]) -> Result<Vec<f32>> {
+    let pattern: Vec<String> = shape.iter().map(ToString::to_string).collect();
+    let numbers = arrays.shape(name, &pattern.join(","), &mut BTreeMap::new())?.to_f32();
+    // Phrased so that NaN fails.
+    match numbers.iter().position(|x| !(x.abs() <= MAX_VALUE)) {
+        Some(i) => Err(Error::input(format!("array '{name}'"))
+            .at(format!("number {i}"))
+            .expected(format!("a finite number up to {MAX_VALUE:e}"))
+            .got(numbers[i].to_string())),
+        None => Ok(numbers),
+    }
+}
 
 /// A model and where it comes from.
 #[derive(Clone, Debug, PartialEq)]
@@ -100,8 +121,8 @@ impl Model {
     /// Reads a file; for a folder, the [`FILE`] in it.
     ///
     /// # Errors
-    /// If it is not a model, an array is missing, superfluous, or has another shape, a number is not finite, or the arrays do not have the
-    /// digest in the metadata.
+    /// If it is not a model, an array is missing, superfluous, or has another shape, a number is not finite,
+    /// or the arrays do not have the digest in the metadata.
     pub fn read(path: &Path) -> Result<Self> {
         let inside = path.join(FILE);
         let path = if path.is_dir() { &*inside } else { path };
@@ -132,9 +153,7 @@ fn parse(arrays: &Arrays, meta: &BTreeMap<String, String>) -> Result<Model> {
     let mut params = Params::new();
     let shapes = params::shapes(&config);
     for (name, shape) in &shapes {
-        let pattern: Vec<String> = shape.iter().map(ToString::to_string).collect();
-        let stored = arrays.shape(name, &pattern.join(","), &mut BTreeMap::new())?.to_f32();
-        arrays.finite([name.as_str()])?;
+        let stored = numbers(arrays, name, shape)?;
         let array = ArrayD::from_shape_vec(IxDyn(shape), stored).expect("the shape was checked");
         if name.ends_with("/v")
             && let Some(row) = array.axis_iter(Axis(0)).position(|row| row.iter().all(|x| *x == 0.0))
@@ -193,6 +212,8 @@ mod tests {
         assert!(e.contains("'more'"), "{e}");
         let e = write(&|a, _| a.put("norm/gain", &[16], vec![f32::NAN; 16]));
         assert!(e.contains("norm/gain"), "{e}");
+        let e = write(&|a, _| a.put("norm/gain", &[16], vec![1e300_f64; 16]));
+        assert!(e.contains("norm/gain") && e.contains("inf"), "{e}");
         let e = write(&|a, _| a.put("block/00/fc2/v", &[16, 64], vec![0.0_f32; 1024]));
         assert!(e.contains("block/00/fc2/v") && e.contains("row 0"), "{e}");
         let e = write(&|a, _| a.put("norm/gain", &[16], vec![0.5_f32; 16]));

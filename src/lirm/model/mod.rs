@@ -1,23 +1,27 @@
-//! The model of LIRM: a transformer that turns posed images of an object into a field, and improves it with more of them.
+//! The model of LIRM: a transformer that turns posed images of an object into a field, and improves it with
+//! more of them.
 //!
 //! ```text
-//! config   the sizes of a model: paper, small            params   its arrays: names, shapes, first values
-//!                                                       places   first values of the planes' tokens from their positions
+//! config       the sizes of a model: paper, small           params   its arrays: names, shapes, first values
+//! transformer  one set of images: from a state to the next  places   first values of the planes' tokens from their positions
+//! weights      arrays as operators read them, gradients     decode   from a state to a field
 //!
-//! images, rays, photos ──► nn.tokens ──────────────┐
-//!                                                       ▼
-//! state of the last set ─► nn.fuse ◄─ place tokens ──► blocks ──► LayerNorm ──► state ──┬──► next set
-//!   (0 before the first)    update                                                       │
-//!                                                     nn.unpatch ◄──────────────────────┘
-//!                                                       │
-//!                              planes, panoramas, heads ▼     decode
-//!                                                     field ──► field.render, mesh, relighting
-//! file     weights and states as safetensors            origin   the training that produced a model
-//! shipped  the model that comes with the program
+//! images, rays, photos ──► nn.tokens ────────────────┐
+//!                                                    ▼
+//! state of the last set ─► nn.fuse ◄─ places ──────► blocks ──► LayerNorm ──► state ──┬──► next set
+//!   (0 before the first)                                                              │
+//!                                                    nn.unpatch ◄─────────────────────┘
+//!                                                    │
+//!                           planes, panoramas, heads ▼
+//!                                                    field ──► field.render, mesh, relighting
+//!
+//! file     a model as safetensors                           origin   the training that produced a model
+//! state    tokens of an object, its place, the images read  shipped  the model that comes with the program
 //! ```
 //!
-//! The state is the tokens of the planes and of the panoramas after the final LayerNorm. Its size does not depend on how many images
-//! made it. The same weights serve every set of images; the state is a constant input of the next set (no gradient flows through it).
+//! The state is the tokens of the planes and of the panoramas after the final LayerNorm. Its size does not
+//! depend on how many images made it. The same weights serve every set of images; the state is a constant
+//! input of the next set (no gradient flows through it).
 //!
 //! What the paper leaves open is a named setting of [`Config`].
 

@@ -14,19 +14,29 @@
 //! | other biases | | 0 |
 //! | `heads/NAME/L` | (outputs, inputs) | Xavier-uniform with a gain of ½ (`sdf`, `normal`) or 2 |
 //!
-//! The table has the values of [`FirstValues::Scaled`], where σ is 0.02·√(1024/D) and inputs are 64 times the channels. [`FirstValues::Published`] has U(±1/√inputs) for all rays, random place tokens of deviation
-//! 1/√(tokens of a grid), N(0, 0.02²) in all layers of blocks but `qkv` and in those of `fuse` (`w2` of [`Fuse::Residual`] is 0), U(±1/√(64 C)) for texels, and a gain of ¼.
+//! The table has the values of [`FirstValues::Scaled`], where σ is 0.02·√(1024/D) and inputs are 64 times the
+//! channels. [`FirstValues::Published`] has U(±1/√inputs) for all rays, random place tokens of deviation
+//! 1/√(tokens of a grid), N(0, 0.02²) in all layers of blocks but `qkv` and in those of `fuse` (`w2` of
+//! [`Fuse::Residual`] is 0), U(±1/√(64 C)) for texels, and a gain of ¼.
 //!
-//! A moment m, like the nearest point d × m, has at most the length ½ and varies little within an image: with the bound of the colours, a token would hardly show where its rays are. Branches of blocks add to their
-//! tokens, so their last layers are divided by the root of their number, and a token remains the one of its place. A row of texels is a sum of cos(πk(i+½)/8)·cos(πl(j+½)/8) with normal
-//! coefficients times (1 + k + l)^−1.5: white noise would give the first signed distance a rough gradient. In `fuse`, GELU(x) − GELU(−x) = x, so that half of the hidden units keep every second channel of the state.
+//! A moment m, like the nearest point d × m, has at most the length ½ and varies little within an image: with
+//! the bound of the colours, a token would hardly show where its rays are. Branches of blocks add to their
+//! tokens, so their last layers are divided by the root of their number, and a token remains the one of its
+//! place. A row of texels is a sum of cos(πk(i+½)/8)·cos(πl(j+½)/8) with normal coefficients times (1 + k +
+//! l)^−1.5: white noise would give the first signed distance a rough gradient. In `fuse`, GELU(x) − GELU(−x)
+//! = x, so that half of the hidden units keep every second channel of the state.
 //!
-//! A plain model has heads for distance, colour and normal; a whole one also reads photos, and has heads for albedo, material
-//! and ρ, and a colour head that reads the embedding. [`extended`] makes a whole model of a plain one. Its texels are those of a trained model, three times as large as first ones, and a head with first
-//! weights of gain 2 would begin at the ends of its range (metallic at 10⁻⁴, with a gradient of as much). So the new heads begin with values of the trained ones: albedo as the colour head, material with its hidden layers and a last
-//! layer of 0 (½ everywhere), ρ with a last layer of 0. The colour head's columns for the embedding begin at half of their first values: with 0, panoramas would get no gradient until the columns have grown.
+//! A plain model has heads for distance, colour and normal; a whole one also reads photos, and has heads for
+//! albedo, material and ρ, and a colour head that reads the embedding. [`extended`] makes a whole model of a
+//! plain one. Its texels are those of a trained model, three times as large as first ones, and a head with
+//! first weights of gain 2 would begin at the ends of its range (metallic at 10⁻⁴, with a gradient of as
+//! much). So the new heads begin with values of the trained ones: albedo as the colour head, material with
+//! its hidden layers and a last layer of 0 (½ everywhere), ρ with a last layer of 0. The colour head's
+//! columns for the embedding begin at half of their first values: with 0, panoramas would get no gradient
+//! until the columns have grown.
 //!
-//! In the attention's first matrix the first D rows give the queries. Xavier's bound is that of the whole matrix, as in PyTorch.
+//! In the attention's first matrix the first D rows give the queries. Xavier's bound is that of the whole
+//! matrix, as in PyTorch.
 
 use super::config::{Config, FirstValues, Fuse, HIDDEN, PATCH};
 use super::places;
@@ -179,7 +189,8 @@ fn declared(c: &Config) -> Vec<Declared> {
     list.0
 }
 
-/// A layer of `fuse`, (D, 2D) or (D, D), such that both give every second channel of the state: GELU(x) − GELU(−x) = x.
+/// A layer of `fuse`, (D, 2D) or (D, D), such that both give every second channel of the state: GELU(x) −
+/// GELU(−x) = x.
 fn kept(shape: &[usize]) -> ArrayD<f32> {
     let (d, mut array) = (shape[0], ArrayD::zeros(IxDyn(shape)));
     for i in 0..d / 2 {
@@ -190,8 +201,9 @@ fn kept(shape: &[usize]) -> ArrayD<f32> {
     array
 }
 
-/// Smooth patterns (rows, t, t, C): texel (i, j) is Σ w(k, i)·w(l, j)·(1 + k + l)^−1.5·N(0, 1) over k and l in 0..t, with w(k, i) = cos(πk(i+½)/t) and w(0, i) = √½; then every row is scaled to a
-/// length. In f64 with left folds, rounded once.
+/// Smooth patterns (rows, t, t, C): texel (i, j) is Σ w(k, i)·w(l, j)·(1 + k + l)^−1.5·N(0, 1) over k and l
+/// in 0..t, with w(k, i) = cos(πk(i+½)/t) and w(0, i) = √½; then every row is scaled to a length. In f64 with
+/// left folds, rounded once.
 fn patterns(draws: &Initial, shape: &[usize], length: f64) -> ArrayD<f32> {
     let coefficients = draws.normal(shape, 1.0);
     let [rows, side, channels] = [shape[0], shape[1], shape[3]];
@@ -263,11 +275,12 @@ pub fn first(c: &Config, seed: u64) -> Params {
     params
 }
 
-/// Part of their first values with which the colour head's columns for the embedding begin in a model that was trained without.
+/// Part of their first values with which the colour head's columns for the embedding begin in a model that
+/// was trained without.
 const EMBEDDED: f32 = 0.5;
 
-/// Returns a whole model of a plain one: the arrays of both are kept, the colour head gets columns for the embedding, and the
-/// others begin (module text). A whole model stays as it is.
+/// Returns a whole model of a plain one: the arrays of both are kept, the colour head gets columns for the
+/// embedding, and the others begin (module text). A whole model stays as it is.
 ///
 /// # Errors
 /// When an array is missing or has another shape.
@@ -335,8 +348,8 @@ pub fn decays(array: &ArrayD<f32>) -> bool {
     array.ndim() >= 2
 }
 
-/// How Muon takes an array apart, as matrices, rows and columns: those of the blocks and of the layer that fuses states. Queries, keys and values are
-/// three matrices.
+/// How Muon takes an array apart, as matrices, rows and columns: those of the blocks and of the layer that
+/// fuses states. Queries, keys and values are three matrices.
 pub fn matrices(name: &str, array: &ArrayD<f32>) -> Option<[usize; 3]> {
     let &[rows, columns] = array.shape() else { return None };
     match name.split('/').collect::<Vec<_>>()[..] {

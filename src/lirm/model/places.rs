@@ -1,14 +1,17 @@
 //! First values of the place tokens of planes, from the positions of their texels.
 //!
-//! The 8×8 texels of a token hold features of a column of space: two coordinates of its position are those of the middle of its square, the third is that of its
-//! side, ±½, or 0 for a plane of a tri-plane. With x in −1..1 its features φ are
+//! The 8×8 texels of a token hold features of a column of space: two coordinates of its position are those of
+//! the middle of its square, the third is that of its side, ±½, or 0 for a plane of a tri-plane. With x in
+//! −1..1 its features φ are
 //!
 //! one of P for its plane;   x, y, z;   0.7·sin and cos of πx/2, πy/2, πz/2;   0.5·sin and cos of πx, πy, πz
 //!
-//! and the token is φ·R / ‖φ‖, where R (P + 15, D) has normal draws: the deviation is 1, as that of an image's token after its LayerNorm. (The published one, 1/√(tokens per plane), is
-//! small beside what the first blocks add to all tokens alike: after the last LayerNorm of a model with such first values 84 % of the state's variance were one vector common to all
-//! tokens.) Neighbours begin alike, and what the first layers learn for one place serves all of them. The tokens are
-//! trained like others. Features, products and their left fold are in f64 and rounded once.
+//! and the token is φ·R / ‖φ‖, where R (P + 15, D) has normal draws: the deviation is 1, as that of an
+//! image's token after its LayerNorm. (The published one, 1/√(tokens per plane), is small beside what the
+//! first blocks add to all tokens alike: after the last LayerNorm of a model with such first values 84 % of
+//! the state's variance were one vector common to all tokens.) Neighbours begin alike, and what the first
+//! layers learn for one place serves all of them. The tokens are trained like others. Features, products and
+//! their left fold are in f64 and rounded once.
 
 use super::config::Config;
 use crate::num::elem::f64 as elem;

@@ -1,5 +1,5 @@
-//! The model included in the program, trained on the built-in objects; `reference/weights/README.md` gives the commands that reproduce it,
-//! how far its training has come, and its digest.
+//! The model included in the program, trained on the built-in objects; `reference/weights/README.md` gives
+//! the commands that reproduce it, how far its training has come, and its digest.
 
 use super::file::Model;
 use crate::Result;
@@ -7,8 +7,8 @@ use crate::Result;
 /// Name of its file, for messages and records.
 pub const NAME: &str = "objects64.safetensors";
 
-/// Contents of the file, compiled into the program. It is included here and not by `reference`, whose sources decide bits of operators: a new
-/// model would ask for the whole bit matrix.
+/// Contents of the file, compiled into the program. It is included here and not by `reference`, whose sources
+/// decide bits of operators: a new model would ask for the whole bit matrix.
 pub const BYTES: &[u8] = include_bytes!("../../../reference/weights/objects64.safetensors");
 
 /// Reads the model.

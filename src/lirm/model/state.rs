@@ -5,11 +5,14 @@
 //! | `tokens` | (T, D) | those of the planes, then those of the panoramas |
 //! | `placement/center`, `placement/scale`, `placement/rotation` | (3), (1), (3, 3) | x = Q·(X − centre)·scale |
 //!
-//! Metadata: `kind`, `version`, `configuration` of the model, `model` (digest of its weights), `sets` (numbers of images, in the order in
-//! which they were read), `changes` (relative change of the tokens by each of them; absent in files of earlier versions), `images` (their names, which are not scored as held-out images later), `exposure` (factor from radiance to the
-//! images). The arrays do not grow with the number of images; the three lists do, by a few bytes per image and set.
+//! Metadata: `kind`, `version`, `configuration` of the model, `model` (digest of its weights), `sets`
+//! (numbers of images, in the order in which they were read), `changes` (relative change of the tokens by
+//! each of them; absent in files of earlier versions), `images` (their names, which are not scored as
+//! held-out images later), `exposure` (factor from radiance to the images). The arrays do not grow with the
+//! number of images; the three lists do, by a few bytes per image and set.
 
 use super::config::Config;
+use super::file::numbers;
 use crate::io::safetensors;
 use crate::num::array::Arrays;
 use crate::scene::field::Placement;
@@ -99,14 +102,20 @@ fn parse(arrays: &Arrays, meta: &BTreeMap<String, String>) -> Result<State> {
     let recorded = meta.get("changes").map_or("[]", String::as_str);
     let changes: Option<Vec<f64>> = serde_json::from_str(recorded).ok();
     let Some(changes) = changes else { return Err(wrong("changes", "a list of numbers")?) };
-    let Ok(images) = serde_json::from_str(text("images")?) else {
+    let Ok(images) = serde_json::from_str::<Vec<String>>(text("images")?) else {
         return Err(wrong("images", "a list of names")?);
     };
     let exposure: Option<f64> = text("exposure")?.parse().ok().filter(|e: &f64| *e > 0.0 && e.is_finite());
     let Some(exposure) = exposure else { return Err(wrong("exposure", "a factor above 0")?) };
+    let is_change = |x: &f64| x.is_finite() && *x >= 0.0;
+    if !(changes.is_empty() || changes.len() == sets.len()) || !changes.iter().all(is_change) {
+        return Err(wrong("changes", "a number of 0 or more for every set")?);
+    }
+    if sets.iter().try_fold(0_usize, |sum, n| sum.checked_add(*n)) != Some(images.len()) {
+        return Err(wrong("images", &format!("as many names as the sets {sets:?} have"))?);
+    }
     let mut sizes = BTreeMap::new();
-    let pattern = format!("{},{}", config.state_tokens(), config.width);
-    let tokens = arrays.shape("tokens", &pattern, &mut sizes)?.to_f32();
+    let tokens = numbers(arrays, "tokens", &[config.state_tokens(), config.width])?;
     let center = arrays.shape("placement/center", "3", &mut sizes)?.to_f64();
     let scale = arrays.shape("placement/scale", "1", &mut sizes)?.to_f64();
     let q = arrays.shape("placement/rotation", "3,3", &mut sizes)?.to_f64();
@@ -117,31 +126,10 @@ fn parse(arrays: &Arrays, meta: &BTreeMap<String, String>) -> Result<State> {
             .expected("tokens and a placement")
             .got("one more"));
     }
-    if !(scale[0] > 0.0) {
-        return Err(Error::input("array 'placement/scale'")
-            .expected("a number above 0")
-            .got(scale[0].to_string()));
-    }
-    let rotation: [[f64; 3]; 3] = std::array::from_fn(|r| std::array::from_fn(|c| q[3 * r + c]));
-    if !is_rotation(&rotation) {
-        return Err(Error::input("array 'placement/rotation'")
-            .expected("a rotation: orthonormal rows, the third the cross product of the others")
-            .got(format!("{rotation:?}")));
-    }
+    let rotation = std::array::from_fn(|r| std::array::from_fn(|c| q[3 * r + c]));
     let placement = Placement { center: std::array::from_fn(|k| center[k]), scale: scale[0], rotation };
+    placement.validate()?;
     Ok(State { tokens, placement, config, model: text("model")?.clone(), sets, changes, images, exposure })
-}
-
-/// Whether rows are orthonormal and right-handed, to 10⁻⁶.
-fn is_rotation(q: &[[f64; 3]; 3]) -> bool {
-    let near = |x: f64, y: f64| (x - y).abs() <= 1e-6;
-    let dot = |a: &[f64; 3], b: &[f64; 3]| (a[0] * b[0] + a[1] * b[1]) + a[2] * b[2];
-    let [x, y, z] = q;
-    let cross = [x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]];
-    near(dot(x, x), 1.0)
-        && near(dot(y, y), 1.0)
-        && near(dot(x, y), 0.0)
-        && (0..3).all(|k| near(z[k], cross[k]))
 }
 
 #[cfg(test)]
@@ -161,9 +149,9 @@ mod tests {
             },
             config,
             model: "0123456789abcdef".to_owned(),
-            sets: vec![4, 3],
+            sets: vec![1, 2],
             changes: vec![1.0, 0.1 + 0.2],
-            images: ["0001.png", "a \"b\".png"].map(str::to_owned).into(),
+            images: ["0001.png", "a \"b\".png", "0003.png"].map(str::to_owned).into(),
             exposure: 1.7,
         };
         let path = dir.path().join(FILE);
@@ -183,6 +171,19 @@ mod tests {
         };
         let e = write(&|a, _| a.put("tokens", &[7, 8], vec![f32::NAN; 56]));
         assert!(e.contains("tokens"), "{e}");
+        let e = write(&|a, _| a.put("tokens", &[7, 8], vec![1e300_f64; 56]));
+        assert!(e.contains("tokens") && e.contains("inf"), "{e}");
+        let e = write(&|a, _| a.put("placement/scale", &[1], vec![1e300_f64]));
+        assert!(e.contains("scale"), "{e}");
+        for (key, text) in [
+            ("changes", "[1.0]"),
+            ("changes", "[1.0, -5.0]"),
+            ("sets", "0 99999999 7"),
+            ("images", r#"["a", "b"]"#),
+        ] {
+            let e = write(&|_, m| drop(m.insert(key.to_owned(), text.to_owned())));
+            assert!(e.contains("changes") || e.contains("images"), "{key} {text}: {e}");
+        }
         let e = write(&|a, _| a.put("tokens", &[8, 8], vec![0.0_f32; 64]));
         assert!(e.contains("tokens"), "{e}");
         let e = write(&|a, _| a.put("more", &[1], vec![0.0_f32]));

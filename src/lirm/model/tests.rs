@@ -51,7 +51,8 @@ fn params() -> Params {
 const PLACEMENT: Placement = Placement::new([0.0; 3], 1.0);
 const LOOK: Look = Look { samples: 16, inverse_beta: 10.0, least_weight: None, early_stop: None };
 
-/// A linear function of all texels of the field that a state decodes to, after two sets of images of two sizes.
+/// A linear function of all texels of the field that a state decodes to, after two sets of images of two
+/// sizes.
 fn value(params: &Params, state: &[f32], views: &[Input], c: [&[f32]; 2]) -> f64 {
     let ready = Ready::new(TINY, params);
     let (next, _) = ready.read(state, views, None);
@@ -68,6 +69,8 @@ fn gradients_are_difference_quotients_with_and_without_recomputation() {
     let views = [view(7, [16, 8]), view(17, [8, 8])];
     let state = numbers(3, TINY.state_tokens() * TINY.width);
     let c = [numbers(4, 6 * 64 * 3), numbers(5, 4 * 16 * 3)];
+    // Heads have the gradients that the adjoint of the render gives them, in the arrays of their names.
+    let names = ["sdf", "color", "albedo", "material", "normal", "rho"];
     let mut both = Vec::new();
     for keep in [Keep::All, Keep::Inputs] {
         let (next, saved) = ready.read(&state, &views, Some(keep));
@@ -77,10 +80,32 @@ fn gradients_are_difference_quotients_with_and_without_recomputation() {
         let mut bar = InBar::zeros_like(&weights.scene(rays));
         bar.planes.copy_from_slice(&c[0]);
         bar.panoramas.copy_from_slice(&c[1]);
+        let heads = &mut bar.heads;
+        let layers = [
+            &mut heads.sdf,
+            &mut heads.color,
+            &mut heads.albedo,
+            &mut heads.material,
+            &mut heads.normal,
+            &mut heads.rho,
+        ];
+        let mut expected = Vec::new();
+        for (k, (name, layers)) in names.iter().zip(layers).enumerate() {
+            for (l, part) in layers.iter_mut().enumerate() {
+                let noise = numbers(700 + 10 * k as u64 + l as u64, part.len());
+                part.copy_from_slice(&noise);
+                expected.push((format!("heads/{name}/{l}"), part.clone()));
+            }
+        }
         let mut g = ready.zeros();
         let next_bar = ready.pull_decoded(&next, &bar, &mut g);
         ready.pull_read(&state, &views, saved.expect("kept"), &next_bar, &mut g);
-        both.push(ready.finish(g));
+        let made = ready.finish(g);
+        assert_eq!(expected.len(), made.0.keys().filter(|name| name.starts_with("heads/")).count());
+        for (name, part) in &expected {
+            assert_eq!(made.get(name).and_then(|g| g.as_slice()), Some(&part[..]), "{name}");
+        }
+        both.push(made);
     }
     assert_eq!(both[0].0, both[1].0, "the same bits");
     let c = [&c[0][..], &c[1][..]];

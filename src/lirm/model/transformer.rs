@@ -5,8 +5,8 @@
 //! images ─► tokens ─► (T_i, D) ─┴─► block 0 ─► … ─► block n−1 ────┴─► rows of the images: not used
 //! ```
 //!
-//! Images may have different sizes. Without `recompute`, what every block saves is kept until the adjoint; with it, only the input of every
-//! block is, and each block runs again: the same bits.
+//! Images may have different sizes. Without `recompute`, what every block saves is kept until the adjoint;
+//! with it, only the input of every block is, and each block runs again: the same bits.
 
 use super::config::{EPS, PATCH};
 use super::weights::{Gradients, Ready, block_names, lend};

@@ -1,7 +1,7 @@
 //! The arrays of a model as the operators read them, and gradients by name.
 //!
-//! Matrices with weight norm are multiplied out once for all objects of a step ([`Ready::new`]); their gradients are those of the products until
-//! [`Ready::finish`] takes them back to directions and lengths.
+//! Matrices with weight norm are multiplied out once for all objects of a step ([`Ready::new`]); their
+//! gradients are those of the products until [`Ready::finish`] takes them back to directions and lengths.
 
 use super::config::{Config, EPS, Fuse};
 use crate::nn::{block, fuse, unpatch, weight_norm};
@@ -13,7 +13,8 @@ use std::collections::BTreeMap;
 /// Numbers per task of a sum of gradients.
 const CHUNK: usize = 1 << 15;
 
-/// Gradients by the names of arrays; that of a matrix with weight norm has the name of the product, without `/v`.
+/// Gradients by the names of arrays; that of a matrix with weight norm has the name of the product, without
+/// `/v`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Gradients(BTreeMap<String, Vec<f32>>);
 

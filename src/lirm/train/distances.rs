@@ -1,12 +1,17 @@
 //! Points around an object with their signed distances, for the recipe that compares them.
 //!
-//! Half of the points are drawn uniformly in the box of the field, half are at most 0.06 in each coordinate from a point of the surface, drawn
-//! uniformly by area. A fourth of an object's points is compared in each of its batches. The loss is the mean of (s − d − κβ)² over all points, with d + κβ cut off at ±0.1; a
-//! point whose s and d + κβ are both beyond the same end does not count (as the truncated distances of Park et al. 2019), nor does one that a turn has moved out of the box.
+//! Half of the points are drawn uniformly in the box of the field, half are at most 0.06 in each coordinate
+//! from a point of the surface, drawn uniformly by area. A fourth of an object's points is compared in each
+//! of its batches. The loss is the mean of (s − d − κβ)² over all points, with d + κβ cut off at ±0.1; a
+//! point whose s and d + κβ are both beyond the same end does not count (as the truncated distances of Park
+//! et al. 2019), nor does one that a turn has moved out of the box.
 //!
-//! κ = 1.1 takes back half of what the density of distances adds to silhouettes: a ray that passes a ball of radius r at a distance δ has the optical depth
-//! ½·√(2πr/β)·exp(−δ/β), so the ball's image is larger by δ = β·ln(√(2πr/β) / (2 ln 2)), about 2.2 to 2.5 β, while a ray towards the middle ends 0.3 β behind its surface. Images and true distances
-//! therefore contradict each other, for every κ; with this one by 1.1 to 1.4 β at outlines and by 1.4 β in the middle, which is at most 0.7 texel at 1/β = 120. (κ was not searched.)
+//! κ = 1.1 takes back half of what the density of distances adds to silhouettes: a ray that passes a ball of
+//! radius r at a distance δ has the optical depth ½·√(2πr/β)·exp(−δ/β), so the ball's image is larger by δ =
+//! β·ln(√(2πr/β) / (2 ln 2)), about 2.2 to 2.5 β, while a ray towards the middle ends 0.3 β behind its
+//! surface. Images and true distances therefore contradict each other, for every κ; with this one by 1.1 to
+//! 1.4 β at outlines and by 1.4 β in the middle, which is at most 0.7 texel at 1/β = 120. (κ was not
+//! searched.)
 
 use crate::Result;
 use crate::field::render::InBar;
@@ -67,7 +72,8 @@ impl Distances {
         Ok(Self { points, truth })
     }
 
-    /// Part `n` of the points, counted around. Turns the object about the vertical, as [`crate::lirm::views::Views::turned`] does; then to the field and its units.
+    /// Part `n` of the points, counted around. Turns the object about the vertical, as
+    /// [`crate::lirm::views::Views::turned`] does; then to the field and its units.
     pub(super) fn turned(&self, n: usize, radians: f64, at: &Placement) -> Self {
         let (sin, cos) = (elem::sin(radians), elem::cos(radians));
         let turn = |p: &[f32; 3]| {
@@ -81,8 +87,9 @@ impl Distances {
         }
     }
 
-    /// Adds points of the rest of the box, where the object is smaller than that: those that are drawn uniformly are points of the field this time, and count where they are
-    /// farther than [`FAR`] from a ball, around a point of the field, that contains the object.
+    /// Adds points of the rest of the box, where the object is smaller than that: those that are drawn
+    /// uniformly are points of the field this time, and count where they are farther than [`FAR`] from a
+    /// ball, around a point of the field, that contains the object.
     pub(super) fn with_room(mut self, of: &Self, n: usize, middle: [f64; 3], radius: f64) -> Self {
         let own = (n % PARTS..of.points.len()).step_by(PARTS).filter(|i| *i >= of.points.len() / 2);
         let is_far = |p: &[f32; 3]| {

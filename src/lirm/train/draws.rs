@@ -8,8 +8,8 @@ use crate::num::rng::Rng;
 const ORDER: u16 = 0x0551;
 /// Light of an object; the item is the object.
 const LIGHT: u16 = 0x0552;
-/// Of a place in a batch: draw 0 the turn, 1 the brightness, 2 the number of sets, from 3 on their sizes, from [`TINT`] on the tint, from [`ROOM`] on size and
-/// place in the box.
+/// Of a place in a batch: draw 0 the turn, 1 the brightness, 2 the number of sets, from 3 on their sizes,
+/// from [`TINT`] on the tint, from [`ROOM`] on size and place in the box.
 const PLACE: u16 = 0x0553;
 /// Draw of the first channel of the tint; after the channels follows its strength.
 const TINT: u16 = 16;
@@ -125,8 +125,9 @@ impl Draws<'_> {
 }
 
 impl Choice {
-    /// The images to compare with: the first `n`, in the random order, whose camera is in a direction near that of an image of the first
-    /// set, then the others; with draws for the second set, the first `n` that are not in the first set. `centers` are the positions of all cameras.
+    /// The images to compare with: the first `n`, in the random order, whose camera is in a direction near
+    /// that of an image of the first set, then the others; with draws for the second set, the first `n` that
+    /// are not in the first set. `centers` are the positions of all cameras.
     pub(super) fn targets(&self, centers: &[[f32; 3]], n: usize) -> Vec<usize> {
         if self.is_update {
             return self.order.iter().copied().filter(|i| !self.sets[0].contains(i)).take(n).collect();

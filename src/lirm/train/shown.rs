@@ -1,4 +1,5 @@
-//! What a training shows while it runs: an object of another seed from a camera whose image the model has not read.
+//! What a training shows while it runs: an object of another seed from a camera whose image the model has not
+//! read.
 
 use super::source::Source;
 use super::stage::{SIDE, VIEWS};

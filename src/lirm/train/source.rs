@@ -1,7 +1,8 @@
 //! Objects by index.
 //!
-//! An object is in twelve batches ([`super::stage::USES`]). Objects come in blocks: a block is drawn in twelve random orders,
-//! one after the other, and is then forgotten. A resumed training renders the objects of its block again.
+//! An object is in twelve batches ([`super::stage::USES`]). Objects come in blocks: a block is drawn in
+//! twelve random orders, one after the other, and is then forgotten. A resumed training renders the objects
+//! of its block again.
 
 use super::distances::Distances;
 use super::draws::Draws;

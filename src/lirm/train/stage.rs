@@ -9,24 +9,34 @@
 //! | 2b | the same | 0–0.6 | 0 | 1–3 | 96 | 80 → 100 | 128², 32² | 800 | 6·10⁻⁵ → 10⁻⁶ |
 //! | 3 | the same | 0–0.6 | 0 | 1–3 | 128 | 100 → 125 | 128², 48² | 400 | 2·10⁻⁵ → 0 |
 //!
-//! In stage 1a an object has in every step a random size, from half of its size on, and a random place in the room that this leaves in the box (`--room`: the largest part of its size that it gives up). Where it is, only the cameras
-//! show. Otherwise all objects are in the middle of the box, and models learn how tall and wide an object is before they learn to use cameras (chapter `small_model` of the book).
+//! In stage 1a an object is scaled in every step by a random factor from 1 − `room` to 1 and moved to a
+//! random place in the box, so that its place can be found only by using the cameras (`--room`; ½ in stage
+//! 1a, 0 in the others). Otherwise all objects are in the middle of the box, and models learn how tall and
+//! wide an object is before they learn to use cameras (chapter `small_model` of the book).
 //!
-//! `--updates` draws for the second set ([`Stage::with_updates`]): at least two sets of two to five images, where the table has sets of three to six, and targets that are not in the first set, where usually those
-//! count that are seen from the side of an image of it, and these images too. Otherwise a second set has about a quarter of the weight of the losses, and targets that the first set shows already.
+//! `--updates` draws for the second set ([`Stage::with_updates`]): at least two sets of two to five images
+//! (otherwise three to six), and targets that are not in the first set. Without it, targets are images near
+//! the first set, those of it included, and in stage 1 a second set has a quarter of the weight of the
+//! losses.
 //!
-//! In its first `--shape-steps` a stage compares signed distances and renders nothing; such a step takes three quarters of the time. A training that began so used its cameras, those before it hardly did; they
+//! In its first `--shape-steps` a stage compares signed distances and renders nothing; such a step takes
+//! three quarters of the time. A training that began so used its cameras, those before it hardly did; they
 //! differ in more than this (chapter `small_model`).
 //!
-//! The rate rises linearly over the first hundred steps (twenty in stage 3) to the first number, and falls along a cosine to the second. 1/β is
-//! linear; in stage 1a it doubles while the rate rises, and is linear from there. With signed distances it goes from 30 to 60 during this warm-up, to 120 until the end of stage 1a,
-//! and stays there until stage 3 ([`Stage::with_distances`]). Stages 2 and 3 train all heads and read photos; albedo is compared up to one factor per object. Stage 3 compares numerical normals too, takes samples
-//! in occupied cells only, and ends rays that are opaque. Objects of a stage follow those of the one before.
+//! The rate rises linearly over the first hundred steps (twenty in stage 3) to the first number, and falls
+//! along a cosine to the second. 1/β is linear; in stage 1a it doubles while the rate rises, and is linear
+//! from there. With signed distances it goes from 30 to 60 during this warm-up, to 120 until the end of stage
+//! 1a, and stays there until stage 3 ([`Stage::with_distances`]). Stages 2 and 3 train all heads and read
+//! photos; albedo is compared up to one factor per object. Stage 3 compares numerical normals too, takes
+//! samples in occupied cells only, and ends rays that are opaque. Objects of a stage follow those of the one
+//! before.
 //!
-//! In every step the encoded colours of an object are multiplied by a random colour: channel c by (1 − tint·u_c) over the largest of the three, u uniform
-//! in 0..1, times a brightness (0.75 to 1, under a map to 1.25). The built-in objects are nearly grey (the mean colour of one differs from a grey by 0.05), and a model that is trained on them as they
-//! are learns brightness and no hue (chapter `small_model` of the book). The tint is
-//! uniform in 0..0.85 (stages 2 and 3: 0..0.6), so that a quarter to two fifths of the objects keep all channels within a tenth of each other: a model that has seen strongly tinted objects
+//! In every step the encoded colours of an object are multiplied by a random colour: channel c by (1 −
+//! tint·u_c) over the largest of the three, u uniform in 0..1, times a brightness (0.75 to 1, under a map to
+//! 1.25). The built-in objects are nearly grey (the mean colour of one differs from a grey by 0.05), and a
+//! model that is trained on them as they are learns brightness and no hue (chapter `small_model` of the
+//! book). The tint is uniform in 0..0.85 (stages 2 and 3: 0..0.6), so that a quarter to two fifths of the
+//! objects keep all channels within a tenth of each other: a model that has seen strongly tinted objects
 //! alone hardly finds bright grey ones before a white background.
 
 use crate::lirm::model::decode::{EARLY_STOP, LEAST_WEIGHT, Look};
@@ -44,8 +54,9 @@ pub const SIDE: usize = 128;
 pub const USES: usize = 12;
 /// The warm-up is at most this part of a training.
 const SHORTEST: usize = 4;
-/// 1/β at the end of stage 1a, and from then on, where signed distances are compared: those have a gradient without fog. The step of 64 samples along the
-/// diagonal is 3.4 β long, for which the rule `analytic` is accurate to a fraction of β.
+/// 1/β at the end of stage 1a, and from then on, where signed distances are compared: those have a gradient
+/// without fog. The step of 64 samples along the diagonal is 3.4 β long, for which the rule `analytic` is
+/// accurate to a fraction of β.
 const SHARP: f32 = 120.0;
 /// Names of the versions of an object, as in a set.
 pub const VERSIONS: [&str; 3] = ["uniform", "environment", "shiny"];
@@ -65,7 +76,8 @@ pub struct Stage {
     pub light: [f64; 3],
     /// Smallest and largest number of sets of input images.
     pub sets: [usize; 2],
-    /// Smallest and largest strength of the random colour that an object is multiplied by: the largest part that a channel loses.
+    /// Smallest and largest strength of the random colour that an object is multiplied by: the largest part
+    /// that a channel loses.
     pub tint: [f64; 2],
     /// Largest part of its size that an object gives up for a random place in the box.
     pub room: f64,
@@ -85,11 +97,13 @@ pub struct Stage {
     pub is_last: bool,
     /// Index of the first object.
     pub first_object: u64,
-    /// Weight of the squared distance of surface points from the true ones, and of the part of it along the optical axis; 0 removes both.
+    /// Weight of the squared distance of surface points from the true ones, and of the part of it along the
+    /// optical axis; 0 removes both.
     pub points: f32,
     /// Weight of the squared error of the signed distance at points around the surface; 0 removes it.
     pub distances: f32,
-    /// Steps at the beginning in which signed distances are all that is compared: nothing is rendered, and the heads of colours and normals only decay.
+    /// Steps at the beginning in which signed distances are all that is compared: nothing is rendered, and
+    /// the heads of colours and normals only decay.
     pub shape_steps: usize,
     /// Whether draws are those for the second set ([`Self::with_updates`]).
     pub updates: bool,
@@ -154,8 +168,9 @@ impl Stage {
 
     /// The stage with a weight of signed distances.
     ///
-    /// These have a gradient at every point, so that no stage needs fog for it: 1/β begins at 30, doubles during the warm-up, and is 120 at the end of
-    /// stage 1a and in all later stages (125 at the end of stage 3).
+    /// These have a gradient at every point, so that no stage needs fog for it: 1/β begins at 30, doubles
+    /// during the warm-up, and is 120 at the end of stage 1a and in all later stages (125 at the end of stage
+    /// 3).
     #[must_use]
     pub fn with_distances(mut self, weight: f32) -> Self {
         self.distances = weight;
@@ -166,7 +181,8 @@ impl Stage {
         self
     }
 
-    /// The stage with draws for the second set: at least two sets, of two to five images, and targets that are not in the first set.
+    /// The stage with draws for the second set: at least two sets, of two to five images, and targets that
+    /// are not in the first set.
     #[must_use]
     pub fn with_updates(mut self) -> Self {
         self.updates = true;
@@ -191,7 +207,7 @@ impl Stage {
         let refuse =
             |name: &str, expected: &str, got: String| Err(Error::input(name).expected(expected).got(got));
         if self.steps == 0 {
-            return refuse("--steps", "at least one", self.steps.to_string());
+            return refuse("--iterations", "at least one", self.steps.to_string());
         }
         if self.rates.iter().any(|r| !(0.0..=1.0).contains(r)) {
             return refuse("--rate", "0 to 1", format!("{:?}", self.rates));
@@ -287,7 +303,8 @@ impl Stage {
     }
 }
 
-/// The object-rounds of a training: one object of a step that reads one set of images is one. Expected from the draws, not counted.
+/// The object-rounds of a training: one object of a step that reads one set of images is one. Expected from
+/// the draws, not counted.
 ///
 /// # Errors
 /// If a part is of a stage that does not exist.

@@ -1,8 +1,10 @@
 //! Objects of a training from the folder of a set that `lirm gen` has written.
 //!
-//! Object k of the training is object k mod N of the set, in the order of their numbers. A set with the seed and settings of the training's
-//! own objects ([`super::source::Rendered`]) has the same pixels and the same points with distances. Its cameras are written as inverse matrices, and differ in
-//! their last places (2·10⁻⁶ at most, `tests/systems/lirm_views.rs`), so the weights of a training from a set are not those of one in memory.
+//! Object k of the training is object k mod N of the set, in the order of their numbers. A set with the seed
+//! and settings of the training's own objects ([`super::source::Rendered`]) has the same pixels and the same
+//! points with distances. Its cameras are written as inverse matrices, and differ in their last places
+//! (2·10⁻⁶ at most, `tests/systems/lirm_views.rs`), so the weights of a training from a set are not those of
+//! one in memory.
 
 use super::distances::Distances;
 use super::source::Source;
@@ -40,7 +42,8 @@ impl Stored {
     /// Opens a set for a stage.
     ///
     /// # Errors
-    /// If the folder is not that of a complete set, its images are not those that a training reads, or a light of the stage is missing.
+    /// If the folder is not that of a complete set, its images are not those that a training reads, or a
+    /// light, a pass or the shapes that the stage compares are missing.
     pub fn open(dir: &Path, stage: &Stage) -> Result<Self> {
         let named = |expected: &str, got: &str| {
             Error::input(dir.display().to_string()).expected(expected.to_owned()).got(got.to_owned())
@@ -71,6 +74,22 @@ impl Stored {
             );
             return Err(e.hint("lirm gen --lighting both --shiny makes all versions"));
         }
+        let has = |name: &str| match &settings["passes"] {
+            Value::Bool(all) => *all,
+            some => some.as_array().is_some_and(|names| names.iter().any(|n| n == name)),
+        };
+        let needed = [
+            ("normal", true),
+            ("albedo", stage.is_whole),
+            ("material", stage.is_whole),
+            ("depth", stage.points > 0.0),
+        ];
+        if let Some((name, _)) = needed.iter().find(|(name, is_needed)| *is_needed && !has(name)) {
+            return Err(named(&format!("the pass {name}, which stage {} compares", stage.name), "none"));
+        }
+        if stage.distances > 0.0 && settings["truth"] != true {
+            return Err(named("the shape of every object, for --distances", "a set without truth"));
+        }
         let listed = record["objects"].as_array().into_iter().flatten();
         let folder = |o: &Value| {
             let inner = clean(plain(&o["folder"]));
@@ -94,8 +113,18 @@ impl Stored {
 
 impl Source for Stored {
     fn object(&self, k: u64, version: &str) -> Result<Views> {
-        let options = Options { background: [1.0; 3], masks: Masks::Ignore, ..Options::default() };
-        let pictures = Pictures::load(&self.folder(k).join(version), &options, None)?;
+        let options =
+            Options { background: [1.0; 3], masks: Masks::Ignore, strict: true, ..Options::default() };
+        let folder = self.folder(k).join(version);
+        let pictures = Pictures::load(&folder, &options, None)?;
+        let all = &pictures.pictures;
+        if all.len() != VIEWS || all.iter().any(|p| [p.camera.width, p.camera.height] != [SIDE; 2]) {
+            let sizes: Vec<String> =
+                all.iter().map(|p| format!("{}x{}", p.camera.width, p.camera.height)).collect();
+            return Err(Error::input(folder.display().to_string())
+                .expected(format!("{VIEWS} images of {SIDE}x{SIDE} pixels"))
+                .got(format!("{}: {}", all.len(), sizes.join(", "))));
+        }
         let which: Vec<usize> = (0..pictures.pictures.len()).collect();
         // Objects of a set are in the ball of radius ½, the origin at its centre.
         Views::of_capture(&pictures, &which, Placement::new([0.0; 3], 1.0))

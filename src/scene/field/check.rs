@@ -1,6 +1,6 @@
 //! Checks of a field: sizes, heads that fit, finite numbers, settings in their ranges.
 
-use super::{Field, Heads, Network, Panoramas, Planes, Settings};
+use super::{Field, Heads, Network, Panoramas, Placement, Planes, Settings};
 use crate::{Error, Result};
 
 /// Largest side of planes and panoramas, in texels.
@@ -152,6 +152,36 @@ impl Heads {
     }
 }
 
+impl Placement {
+    /// Checks ranges, and that the rotation is one: orthonormal rows, the third the cross product of the
+    /// others, to 10⁻⁶.
+    ///
+    /// # Errors
+    /// Names the number.
+    pub fn validate(&self) -> Result<()> {
+        let [most, least] = [f64::from(MAX_VALUE), f64::from(f32::MIN_POSITIVE)];
+        self.center.iter().try_for_each(|x| within("placement: centre", *x, -most..=most))?;
+        within("placement: scale", self.scale, least..=most)?;
+        let q = &self.rotation;
+        let dot = |a: usize, b: usize| (q[a][0] * q[b][0] + q[a][1] * q[b][1]) + q[a][2] * q[b][2];
+        for (a, b) in [(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0)] {
+            let off = dot(a, b) - f64::from(u8::from(a == b));
+            within(
+                "placement: rows of the rotation, products of two minus those of unit vectors",
+                off,
+                -1e-6..=1e-6,
+            )?;
+        }
+        let [x, y, z] = q;
+        let cross = [x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]];
+        for (z, cross) in z.iter().zip(cross) {
+            let what = "placement: third row of the rotation, minus the cross product of the others";
+            within(what, z - cross, -1e-6..=1e-6)?;
+        }
+        Ok(())
+    }
+}
+
 impl Field {
     /// Checks sizes, numbers and settings, and that the heads fit the planes and panoramas.
     ///
@@ -163,19 +193,6 @@ impl Field {
         self.panoramas.iter().try_for_each(Panoramas::validate)?;
         let features = self.planes.features(self.settings.combine);
         self.heads.validate(features, self.panoramas.as_ref().map(|p| p.channels))?;
-        let [most, least] = [f64::from(MAX_VALUE), f64::from(f32::MIN_POSITIVE)];
-        self.placement.center.iter().try_for_each(|x| within("placement: centre", *x, -most..=most))?;
-        within("placement: scale", self.placement.scale, least..=most)?;
-        let q = &self.placement.rotation;
-        let dot = |a: usize, b: usize| (q[a][0] * q[b][0] + q[a][1] * q[b][1]) + q[a][2] * q[b][2];
-        for (a, b) in [(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0)] {
-            let off = dot(a, b) - f64::from(u8::from(a == b));
-            within(
-                "placement: rows of the rotation, products of two minus those of unit vectors",
-                off,
-                -1e-6..=1e-6,
-            )?;
-        }
-        Ok(())
+        self.placement.validate()
     }
 }

@@ -1,8 +1,10 @@
 //! Scores over the training: object-rounds, and what twice as many would add.
 //!
-//! An object-round is an object of a step that reads one set of images ([`object_rounds`]). Between a model with n₁ of them and one with n₂ > n₁, the
-//! score rises by (s₂ − s₁) / log₂(n₂/n₁) per doubling; if that slope stays, twice the training of the second adds as much. Stages also
-//! change the light, the sharpness and the rate, and the rate falls to its end in each: the slope is that of the schedule, not of one setting.
+//! An object-round is an object of a step that reads one set of images ([`object_rounds`]). Between a model
+//! with n₁ of them and one with n₂ > n₁, the score rises by (s₂ − s₁) / log₂(n₂/n₁) per doubling; if that
+//! slope stays, twice the training of the second adds as much. Stages also change the light, the sharpness
+//! and the rate, and the rate falls to its end in each: the slope is that of the schedule, not of one
+//! setting.
 
 use super::scoring::{Scoring, mean, stages};
 use super::setup::{Setup, shown};
@@ -25,7 +27,8 @@ fn score(set: usize) -> String {
     format!("psnr_db_{set}")
 }
 
-/// The gain in dB per doubling from one row to another with `factor` times the object-rounds, paired by object.
+/// The gain in dB per doubling from one row to another with `factor` times the object-rounds, paired by
+/// object.
 fn per_doubling(results: &[(Cell, Values)], [from, to]: [&str; 2], factor: f64, set: usize) -> Summary {
     let doublings = elem::log10(factor) / elem::log10(2.0);
     Summary::of(

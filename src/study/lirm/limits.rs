@@ -1,10 +1,11 @@
 //! Where the method fails: mirrors and fine lettering (Fig. 15).
 //!
-//! Mirrors are pixels with roughness at most 0.25 and metallic at least 0.5 under a map, in the smoother version of the objects. Detail is the
-//! sum of squared differences between neighbouring pixels inside the foreground, of the render divided by that of the truth: 1 for an image as sharp as the
-//! truth, 0 for a plain one; it is measured on packages and tins, which are printed. The noise of the truth counts as detail of it: a render without
-//! noise has a little less than 1 at best. A score of mirrors, and of the rest beside it, is the dB of an object's mean squared error over all
-//! images, as few images show many such pixels.
+//! Mirrors are pixels with roughness at most 0.25 and metallic at least 0.5 under a map, in the smoother
+//! version of the objects. Detail is the sum of squared differences between neighbouring pixels inside the
+//! foreground, of the render divided by that of the truth: 1 for an image as sharp as the truth, 0 for a
+//! plain one; it is measured on packages and tins, which are printed. The noise of the truth counts as detail
+//! of it: a render without noise has a little less than 1 at best. A score of mirrors, and of the rest beside
+//! it, is the dB of an object's mean squared error over all images, as few images show many such pixels.
 
 use super::setup::{Setup, decibels, shown, square_error};
 use crate::Result;

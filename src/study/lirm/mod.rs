@@ -11,8 +11,9 @@
 //! variants   small models of several kinds, trained from first values with equal steps
 //! ```
 //!
-//! [`crate::experiment`] runs the cells, stores their results and defines reports. A cell is a model and an object, so that rows are
-//! compared object by object; a variant is one training, and its values name the objects.
+//! [`crate::experiment`] runs the cells, stores their results and defines reports. A cell is a model and an
+//! object, so that rows are compared object by object; a variant is one training, and its values name the
+//! objects.
 
 pub mod curve;
 pub mod limits;

@@ -1,7 +1,9 @@
-//! Under another light: the mesh of a reconstruction, path-traced under a map that none of its images show, beside the true object under that map (§13).
+//! Under another light: the mesh of a reconstruction, path-traced under a map that none of its images show,
+//! beside the true object under that map (§13).
 //!
-//! Object k is read under its own map, and scored under the map and from the test cameras of object k + 1. Truth and renders are linear; every render has one
-//! least-squares factor per channel, as in Stanford-ORB ([`crate::fit::field::benchmark`]). Beside it stands the field as it is, with the colours of the old light
+//! Object k is read under its own map, and scored under the map and from the test cameras of object k + 1.
+//! Truth and renders are linear; every render has one least-squares factor per channel, as in Stanford-ORB
+//! ([`crate::fit::field::benchmark`]). Beside it stands the field as it is, with the colours of the old light
 //! from the new cameras: relighting has to beat no relighting.
 
 use super::setup::{SEED, Setup, shown};

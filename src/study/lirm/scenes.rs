@@ -1,5 +1,5 @@
-//! Scenes beyond one object on a turntable: an object that is added between two sets (Fig. 16), and images of a head-mounted camera through a
-//! fisheye and a pinhole (Fig. 17).
+//! Scenes beyond one object on a turntable: an object that is added between two sets (Fig. 16), and images of
+//! a head-mounted camera through a fisheye and a pinhole (Fig. 17).
 
 use super::setup::{SEED, Setup, decibels, shown, square_error, values};
 use crate::Result;

@@ -177,7 +177,8 @@ fn curves(results: &[(Cell, Values)], baselines: bool) -> Chart {
     Chart::Lines { curves, from_zero: false }
 }
 
-/// Results of the paper on scans of real objects (GSO), with some million times the training: Table 7, PSNR and SSIM after four sets.
+/// Results of the paper on scans of real objects (GSO), with some million times the training: Table 7, PSNR
+/// and SSIM after four sets.
 const PAPER_STAGES: [[&str; 3]; 3] = [
     ["paper, stage 1", "27.56", "0.924"],
     ["paper, stage 2", "30.80", "0.950"],

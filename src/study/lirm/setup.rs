@@ -176,7 +176,8 @@ impl Setup {
     /// The settings that a result depends on.
     pub fn record(&self, model: &Model) -> Value {
         json!({
-            "model": digest(&model.params), "samples": self.size.samples, "outputs": self.size.outputs, "steps": self.size.steps,
+            "model": digest(&model.params), "configuration": model.config.json(), "inverse_beta": model.inverse_beta(),
+            "samples": self.size.samples, "outputs": self.size.outputs, "steps": self.size.steps,
             "seed": SEED,
             "lastlight": env!("CARGO_PKG_VERSION"),
         })

@@ -26,10 +26,10 @@ fn resumed(
 /// A small LIRM model, its training, and a state of it; beside images of an object in `object/`.
 fn lirm(shop: &Workshop) -> Vec<Base> {
     const CAPTURE: &str = "object/object_00000/uniform";
-    let train = "lirm train --stage 1a --config sizes/tiny.json --steps 2 --batch 1 --objects-at-once 1 --checkpoint-every 1 --out run --threads 1 --json --quiet";
-    let resume = "lirm train --stage 1a --config sizes/tiny.json --steps 2 --batch 1 --objects-at-once 1 --checkpoint-every 1 --out run --threads 1 --json --quiet --resume";
-    let read = "lirm reconstruct object/object_00000/uniform --model {file} --samples 16 --out out --threads 1 --quiet";
-    let update = "lirm update {file} object/object_00000/uniform --model model.safetensors --samples 16 --out out --threads 1 --quiet";
+    let train = "lirm train --stage 1a --config sizes/tiny.json --iterations 2 --batch 1 --objects-at-once 1 --checkpoint-every 1 --out run --threads 1 --json --quiet";
+    let resume = "lirm train --stage 1a --config sizes/tiny.json --iterations 2 --batch 1 --objects-at-once 1 --checkpoint-every 1 --out run --threads 1 --json --quiet --resume";
+    let read = "lirm reconstruct object/object_00000/uniform --model {file} --ray-samples 16 --out out --threads 1 --quiet";
+    let update = "lirm update {file} object/object_00000/uniform --model model.safetensors --ray-samples 16 --out out --threads 1 --quiet";
     crate::tree::write(&shop.dir.join("sizes"), &files(&[("tiny.json", TINY.as_bytes())])).expect("written");
     let of_training =
         resumed(shop, "checkpoint of lirm train", train, resume, &["sizes"], &["run/checkpoint.safetensors"]);
@@ -37,7 +37,7 @@ fn lirm(shop: &Workshop) -> Vec<Base> {
     let photos = below(CAPTURE, &shop.tree(CAPTURE));
     let with_photos: Tree = photos.into_iter().chain(model).collect();
     let of_model = Base::new("LIRM model", with_photos.clone(), &["model.safetensors"], &[read]);
-    shop.run("lirm reconstruct object/object_00000/uniform --model run/model.safetensors --samples 16 --out state --threads 1 --quiet");
+    shop.run("lirm reconstruct object/object_00000/uniform --model run/model.safetensors --ray-samples 16 --out state --threads 1 --quiet");
     let state = files(&[("state.safetensors", &shop.bytes("state/state.safetensors"))]);
     let with_state = with_photos.into_iter().chain(state).collect();
     let of_state = Base::new("LIRM state", with_state, &["state.safetensors"], &[update]);
@@ -54,8 +54,8 @@ pub(super) fn bases(shop: &Workshop) -> Vec<Base> {
     let splat_resume = "splat fit photos --iterations 4 --initial 20 --max-gaussians 60 --checkpoint-every 2 --out run --threads 1 --json --quiet --resume";
     let fit = "last fit data/video --iterations 4 --max-gaussians 64 --checkpoint-every 2 --out run --threads 1 --json --quiet";
     let fit_resume = "last fit data/video --iterations 4 --max-gaussians 64 --checkpoint-every 2 --out run --threads 1 --json --quiet --resume";
-    let object = "field fit object/object_00000/uniform --iterations 4 --side 8 --channels 2 --samples 16 --crop-side 16 --crops 1 --checkpoint-every 2 --out run --threads 1 --json --quiet";
-    let object_resume = "field fit object/object_00000/uniform --iterations 4 --side 8 --channels 2 --samples 16 --crop-side 16 --crops 1 --checkpoint-every 2 --out run --threads 1 --json --quiet --resume";
+    let object = "field fit object/object_00000/uniform --iterations 4 --side 8 --channels 2 --ray-samples 16 --crop-side 16 --crops 1 --checkpoint-every 2 --out run --threads 1 --json --quiet";
+    let object_resume = "field fit object/object_00000/uniform --iterations 4 --side 8 --channels 2 --ray-samples 16 --crop-side 16 --crops 1 --checkpoint-every 2 --out run --threads 1 --json --quiet --resume";
     let train = "last pretrain data --iterations 3 --batch-images 4 --batch-groups 2 --batch-points 16 --factor-dim 2 --out run --threads 1 --json --quiet";
     let train_resume = "last pretrain data --iterations 3 --batch-images 4 --batch-groups 2 --batch-points 16 --factor-dim 2 --out run --threads 1 --json --quiet --resume";
     let objects = "lirm gen --objects 1 --views 1 --size 8 --samples 1 --bounces 0 --texture 32 --passes photo --out run --threads 1 --json --quiet";

@@ -24,7 +24,7 @@ fn settings_out_of_range_or_at_odds_are_refused_by_option() {
         (Settings { planes: 4, ..base.clone() }, ["--planes", "6 or 3", "4"]),
         (Settings { side: 7, ..base.clone() }, ["--side", "8 to 1024", "7"]),
         (Settings { channels: 0, ..base.clone() }, ["--channels", "1 to 128", "0"]),
-        (Settings { samples: 7, ..base.clone() }, ["--samples", "8 to 4096", "7"]),
+        (Settings { samples: 7, ..base.clone() }, ["--ray-samples", "8 to 4096", "7"]),
         (Settings { crop: 15, ..base.clone() }, ["--crop-side", "16 to 512", "15"]),
         (Settings { crops: 0, ..base.clone() }, ["--crops", "1 to 64", "0"]),
         (Settings { inverse_beta: [0.5, 9.0], ..base.clone() }, ["--first-inverse-beta", "1 to", "0.5"]),

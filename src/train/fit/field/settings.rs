@@ -143,7 +143,7 @@ impl Settings {
         }
         within("--side", side as f64, 8.0..=1024.0)?;
         within("--channels", channels as f64, 1.0..=128.0)?;
-        within("--samples", samples as f64, 8.0..=4096.0)?;
+        within("--ray-samples", samples as f64, 8.0..=4096.0)?;
         within("--crop-side", crop as f64, 16.0..=512.0)?;
         within("--crops", crops as f64, 1.0..=64.0)?;
         let [first, last] = self.inverse_beta.map(f64::from);

@@ -8,7 +8,7 @@
 
 use crate::fit::exposure::{Photograph, equalise};
 use crate::io::capture::{Capture, Frame, Reading, read_capture_with};
-use crate::io::image_file;
+use crate::io::{image_file, memory};
 use crate::num::{order, par};
 use crate::scene::camera::Camera;
 use crate::scene::field::Placement;
@@ -303,6 +303,20 @@ pub fn expose(pictures: &mut [Picture], given: Option<f64>) -> Result<f64> {
     Ok(factor)
 }
 
+/// Whether a ray of a foreground pixel meets the box of the field; the camera is in its units.
+pub fn sees(camera: &Camera, foreground: &[f32]) -> bool {
+    let rays = super::view::rays(camera);
+    let half = super::state::HALF_SIZE;
+    (0..foreground.len()).any(|i| {
+        let [enter, leave] = rays.borrowed().crossing(i, half);
+        foreground[i] >= 0.5 && enter < leave
+    })
+}
+
+/// Bytes of a pixel of a capture in memory: the photo, colours over white, foreground and masks; passes are not
+/// counted.
+const PIXEL_BYTES: u64 = 3 + 12 + 4 + 4 + 4;
+
 /// Reads a capture; no image has a place in a field yet.
 #[derive(Clone, Debug)]
 pub struct Pictures {
@@ -329,6 +343,11 @@ impl Pictures {
             without_masks: options.masks == Masks::Off,
         };
         let capture: Capture = read_capture_with(path, &reading)?;
+        let shrink = (options.downscale * options.downscale) as u64;
+        let pixels = capture.frames.iter().filter_map(|f| f.size);
+        let pixels = pixels.fold(0, |n, [w, h]| n + w as u64 * h as u64 / shrink);
+        memory::check("images", pixels.saturating_mul(PIXEL_BYTES))
+            .map_err(|e| e.hint("--downscale lowers the estimate, --max-memory raises the limit"))?;
         let views = Views::from_capture(&capture, options)?;
         let read = par::map(views.views.len(), |i| {
             let view = &views.views[i];
@@ -338,6 +357,11 @@ impl Pictures {
         let mut pictures = read.into_iter().collect::<Result<Vec<_>>>()?;
         let exposure = expose(&mut pictures, exposure)?;
         Ok(Self { views, pictures, exposure, is_unit_ball: capture.is_unit_ball })
+    }
+
+    /// Returns the held-out images in the units of a field.
+    pub fn held_out(&self, placement: &Placement) -> Vec<Target> {
+        self.views.test.iter().map(|i| target(&self.pictures[*i], placement)).collect()
     }
 
     /// Returns the images in the units of a field.
@@ -377,14 +401,6 @@ impl Targets {
                     .got(crop.to_string()));
             }
         }
-        let sees = |t: &Target| {
-            let rays = super::view::rays(&t.camera);
-            let half = super::state::HALF_SIZE;
-            (0..t.foreground.len()).any(|i| {
-                let [enter, leave] = rays.borrowed().crossing(i, half);
-                t.foreground[i] >= 0.5 && enter < leave
-            })
-        };
         if let Some(t) = self.train.iter().find(|t| is_inside(t)) {
             return Err(Error::input(t.name.clone())
                 .at("camera")
@@ -392,7 +408,7 @@ impl Targets {
                 .got("one in the box whose image shows nothing but the object")
                 .hint("leave the image out, or set a smaller --box"));
         }
-        if self.train.iter().any(sees) {
+        if self.train.iter().any(|t| sees(&t.camera, &t.foreground)) {
             return Ok(());
         }
         Err(Error::input("--box")
