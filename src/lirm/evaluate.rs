@@ -38,6 +38,7 @@ use super::r#gen::{Lighting, Set, Settings};
 use super::model::decode::Look;
 use super::model::transformer::Input;
 use super::model::weights::Ready;
+use super::reading::INPUT_SIDE;
 use super::subject::Subject;
 use super::views::{View, Views, tint};
 use crate::fit::evaluate::compare;
@@ -56,8 +57,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 /// Images of a set.
 pub const SET: usize = 4;
-/// Pixels per side of an image that is rendered, and of one that is read.
-const SIDES: [usize; 2] = [128, 64];
+/// Pixels per side of an image that is rendered.
+const SIDE: usize = 128;
 /// Cells per axis of the grid from which the surface is extracted.
 const CELLS: usize = 96;
 /// Training objects whose materials are averaged, and their images.
@@ -119,7 +120,7 @@ pub struct Protocol {
     pub look: Look,
     /// What is broken on purpose.
     pub control: Control,
-    /// Sets that the model reads, of four.
+    /// Sets that the model reads, of four (more are read as four).
     pub sets: usize,
     /// Outputs that are compared, of twelve.
     pub outputs: usize,
@@ -136,7 +137,7 @@ pub fn settings(seed: u64, samples: u32) -> Settings {
         lighting: Lighting::Both,
         shiny: true,
         set: Set::Test,
-        size: SIDES[0],
+        size: SIDE,
         samples,
         seed,
         ..Settings::default()
@@ -153,7 +154,7 @@ pub fn means_of_materials(seed: u64, version: &str) -> Result<([f32; 3], [f32; 2
     let settings = Settings {
         lighting: Lighting::Both,
         shiny: true,
-        size: SIDES[1],
+        size: INPUT_SIDE,
         samples: 1,
         views: images as usize,
         seed,
@@ -219,8 +220,8 @@ fn inputs(
     views: &Views,
     other: Option<&Views>,
 ) -> Result<Vec<Vec<Input>>> {
-    let small = views.small(SIDES[0] / SIDES[1])?;
-    let other = other.map(|other| other.small(SIDES[0] / SIDES[1])).transpose()?;
+    let small = views.sized(INPUT_SIDE)?;
+    let other = other.map(|other| other.sized(INPUT_SIDE)).transpose()?;
     let at = axes(ready, p, k, views)?;
     let input = |of: &Views, i: usize, camera: usize| {
         let mut view = of.all[i].clone();
@@ -289,6 +290,9 @@ pub fn object(ready: &Ready<'_>, p: &Protocol, k: u64, strength: f64) -> Result<
 ///
 /// # Errors
 /// If a render is not finite.
+///
+/// # Panics
+/// If there are fewer images than those of a test set, 48.
 pub fn views(
     ready: &Ready<'_>,
     p: &Protocol,
@@ -299,7 +303,7 @@ pub fn views(
     let (order, at) = (order_of(p, k), axes(ready, p, k, views)?);
     let mut state = ready.no_state();
     let mut scored = Scores { object: k, rounds: Vec::new(), images: Vec::new() };
-    let small = views.small(SIDES[0] / SIDES[1])?;
+    let small = views.sized(INPUT_SIDE)?;
     let sets = inputs(ready, p, k, views, other)?;
     for (round, set) in sets.iter().enumerate() {
         if matches!(p.control, Control::ZeroedState | Control::AtOnce) {
@@ -349,6 +353,9 @@ fn baselines(p: &Protocol, k: u64, views: &Views, so_far: [Vec<View>; 2]) -> Res
 ///
 /// # Errors
 /// If a render is not finite.
+///
+/// # Panics
+/// If there are fewer images than those of a test set, 48, or the state is not one of the model.
 pub fn state(
     ready: &Ready<'_>,
     p: &Protocol,

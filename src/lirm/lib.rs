@@ -9,6 +9,7 @@
 //! views     the images of one object in memory: rendered by index, or read from a capture
 //! model     the transformer that turns images into a field      train     its stages
 //! reading   images of a capture as the model reads them, set by set
+//! reconstruct  sets of images after a state, or after none: a state, its field, scores
 //! evaluate  scores of a model on unseen objects                  baselines what it has to beat
 //! ```
 #![forbid(unsafe_code)]
@@ -22,6 +23,7 @@ mod folder;
 pub mod r#gen;
 pub mod model;
 pub mod reading;
+pub mod reconstruct;
 mod settings;
 mod shots;
 pub mod subject;

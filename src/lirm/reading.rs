@@ -10,6 +10,8 @@ use crate::scene::field::Placement;
 use crate::scene::rays::{PLUCKER, moment, plucker};
 use crate::{Error, Result};
 
+/// Pixels per side of the images that models are trained with.
+pub const INPUT_SIDE: usize = 64;
 /// Most tokens of a set: 64 images of 512².
 const MOST_TOKENS: usize = 262_144;
 
@@ -91,13 +93,36 @@ pub fn inputs(views: &Views, config: &Config) -> Result<Vec<Input>> {
 
 impl Ready<'_> {
     /// The state after one more set of images, in the axes of a placement.
+    ///
+    /// # Panics
+    /// If a side of an image is not a multiple of [`PATCH`], or the state is not one of this model.
     pub fn read_views(&self, state: &[f32], views: &[View], at: &Placement) -> Vec<f32> {
         let inputs: Vec<Input> = views.iter().map(|view| Input::of(view, at, &self.config)).collect();
         self.read(state, &inputs, None).0
     }
 
+    /// The state after a set of images of an object, brought to the size that models are trained with.
+    ///
+    /// # Errors
+    /// If they cannot be shrunk.
+    ///
+    /// # Panics
+    /// If there is no such image.
+    pub fn read_chosen(
+        &self,
+        state: &[f32],
+        views: &Views,
+        which: &[usize],
+        at: &Placement,
+    ) -> Result<Vec<f32>> {
+        Ok(self.read_views(state, &views.chosen(which).sized(INPUT_SIDE)?.all, at))
+    }
+
     /// Reads sets of images one after the other; returns the last state, and how much each set has changed it
     /// ([`change`]).
+    ///
+    /// # Panics
+    /// If the state is not one of this model.
     pub fn read_all(&self, state: &[f32], sets: &[Vec<Input>]) -> (Vec<f32>, Vec<f64>) {
         let (mut state, mut changes) = (state.to_vec(), Vec::with_capacity(sets.len()));
         for set in sets {
@@ -109,8 +134,8 @@ impl Ready<'_> {
     }
 }
 
-/// The relative change of a state, ‖Tᵐ − Tᵐ⁻¹‖ / ‖Tᵐ‖, in f64; 1 after no state, which is zero. If ‖Tᵐ‖ is 0, it is
-/// 1, or 0 if nothing moved.
+/// The relative change of a state, ‖Tᵐ − Tᵐ⁻¹‖ / ‖Tᵐ‖, in f64; 1 after no state, which is zero. If ‖Tᵐ‖ is 0,
+/// it is 1, or 0 if nothing moved.
 pub fn change(before: &[f32], after: &[f32]) -> f64 {
     let length = |x: Vec<f64>| sum::tree_f64(&x).sqrt();
     let square = |x: f64| x * x;

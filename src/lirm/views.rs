@@ -104,6 +104,9 @@ impl Views {
     }
 
     /// Some of the images.
+    ///
+    /// # Panics
+    /// If there is no such image.
     #[must_use]
     pub fn chosen(&self, which: &[usize]) -> Self {
         Self { all: which.iter().map(|i| self.all[*i].clone()).collect(), placement: self.placement }
@@ -158,6 +161,9 @@ impl Views {
     ///
     /// # Errors
     /// When the images do not show which direction is up.
+    ///
+    /// # Panics
+    /// If there is no such image.
     pub fn posed(&self, pose: Pose, read: &[usize]) -> Result<Placement> {
         let cameras: Vec<&Camera> = read.iter().map(|i| &self.all[*i].picture.camera).collect();
         posed(self.placement, pose, &cameras)
@@ -173,8 +179,8 @@ impl Views {
         Ok(Self { all, placement: self.placement })
     }
 
-    /// The images as a model that was trained on squares of `side` pixels reads them: square images of a multiple
-    /// of it are shrunk as a whole, the others cut ([`Self::cropped`]).
+    /// The images as a model that was trained on squares of `side` pixels reads them: square images of a
+    /// multiple of it are shrunk as a whole, the others cut ([`Self::cropped`]).
     ///
     /// # Errors
     /// Those of [`Self::small`].
@@ -200,6 +206,9 @@ impl Views {
     }
 
     /// Returns an image in the units of the field, with all that is compared with it.
+    ///
+    /// # Panics
+    /// If there is no such image.
     pub fn target(&self, i: usize) -> Target {
         targets::target(&self.all[i].picture, &self.placement)
     }

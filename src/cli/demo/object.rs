@@ -16,7 +16,7 @@ use crate::fit::passes::{PassSet, Shot, as_read};
 use crate::fit::relight::around;
 use crate::fit::training::Watch;
 use crate::geometry::bvh::Bvh;
-use crate::lirm::job::{Job, Made, Size, Start};
+use crate::lirm::job::{Job, Made};
 use crate::meter::Meter;
 use crate::report::images::{Label, Sheet};
 use crate::report::run::decibel;
@@ -32,6 +32,7 @@ use data_gen::cameras;
 use lastlight_lirm::r#gen::{self as set, Lighting, Set, Settings as Making};
 use lastlight_lirm::model::decode::Look;
 use lastlight_lirm::model::file::Model;
+use lastlight_lirm::reconstruct::{Reconstruction, Size, Start};
 use maud::html;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -64,16 +65,15 @@ pub(super) fn run(args: &Args, dir: &Path, meter: &mut Meter) -> Result<Outcome>
         sets.chunks(SET).take(2).map(|set| indices(&pictures, set)).collect::<Result<_>>()?;
 
     let read = |kind, set: &[usize], start: Start, name: &str, meter: &mut Meter| -> Result<Made> {
-        let job = Job {
-            kind,
+        let reading = Reconstruction {
             model: &model,
-            capture: &capture,
             pictures: &pictures,
             sets: vec![set.to_vec()],
             size: Size::Usual,
             look: Look::of_field(STEPS, model.inverse_beta()),
-            settings: json!({ "capture": capture, "model": model_name }),
         };
+        let settings = json!({ "capture": capture, "model": model_name });
+        let job = Job { kind, capture: &capture, reading, settings };
         let place = job.place(&start, meter)?;
         let dir = folder(dir.join(name))?;
         job.run(start, place, &dir, meter)

@@ -1,7 +1,7 @@
 //! `lirm reconstruct` and `lirm update`: a field from a few images of an object, and a better one from more.
 
 use super::init::POSES;
-use super::job::{Job, Size, Start};
+use super::job::Job;
 use super::weights;
 use crate::choices::choices;
 use crate::field::read;
@@ -12,6 +12,7 @@ use crate::shared::ForceArgs;
 use crate::{Error, Result, claim};
 use lastlight_lirm::model::decode::Look;
 use lastlight_lirm::model::state::State;
+use lastlight_lirm::reconstruct::{Reconstruction, Size, Start};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
@@ -183,16 +184,14 @@ fn made(
         "downscale": args.downscale, "ray_samples": args.ray_samples, "inverse_beta": inverse_beta,
     });
     own.iter().for_each(|(name, value)| settings[*name] = value.clone());
-    let job = Job {
-        kind,
+    let reading = Reconstruction {
         model: &model,
-        capture,
         pictures: &pictures,
         sets: which.chunks(of_set).map(<[usize]>::to_vec).collect(),
         size: args.size(),
         look: Look::of_field(args.ray_samples as usize, inverse_beta),
-        settings,
     };
+    let job = Job { kind, capture, reading, settings };
     let place = job.place(&start, &meter)?;
     let dir = claim::folder(&args.out, false, args.filling.force)?;
     job.run(start, place, &dir, &mut meter)?.outcome.publish(&dir)

@@ -16,6 +16,7 @@ use crate::fit::field::surface::Stencils;
 use crate::fit::field::view::RayList;
 use crate::lirm::model::config::{Config, PATCH};
 use crate::lirm::model::transformer::Input;
+use crate::lirm::reading::INPUT_SIDE;
 use crate::lirm::views::Views;
 use crate::loss::{self, mse};
 use crate::num::rng::Rng;
@@ -23,10 +24,8 @@ use crate::scene::field::{Field, Placement};
 
 /// Crops of an object.
 const CROPS: usize = 4;
-/// Pixels per side of an input image.
-const INPUT: usize = 64;
 /// Tokens of an input image.
-pub(super) const INPUT_TOKENS: usize = (INPUT / PATCH) * (INPUT / PATCH);
+pub(super) const INPUT_TOKENS: usize = (INPUT_SIDE / PATCH) * (INPUT_SIDE / PATCH);
 /// Purpose of the seed of the places of crops; the item is the place in the batch.
 const PURPOSE: u16 = 0x0555;
 /// Radius of the ball in which an object is.
@@ -129,7 +128,7 @@ impl Object {
             Views { placement: at, ..own }
         };
         let set = |which: &Vec<usize>| {
-            let small = chosen(which).small(SIDE / INPUT)?;
+            let small = chosen(which).sized(INPUT_SIDE)?;
             Ok(small.all.iter().map(|view| Input::of(view, &small.placement, config)).collect())
         };
         let sets = choice.sets.iter().map(set).collect::<Result<Vec<Vec<Input>>>>()?;

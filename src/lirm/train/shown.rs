@@ -2,7 +2,7 @@
 //! read.
 
 use super::source::Source;
-use super::stage::{SIDE, VIEWS};
+use super::stage::VIEWS;
 use crate::Result;
 use crate::fit::evaluate::compare;
 use crate::fit::field::targets::target;
@@ -12,6 +12,7 @@ use crate::lirm::model::config::Config;
 use crate::lirm::model::decode::Look;
 use crate::lirm::model::transformer::Input;
 use crate::lirm::model::weights::Ready;
+use crate::lirm::reading::INPUT_SIDE;
 use crate::num::elem::f64 as elem;
 use crate::scene::field::Placement;
 
@@ -19,8 +20,6 @@ use crate::scene::field::Placement;
 pub(super) const COUNT: usize = 2;
 /// Images that the model reads.
 const READ: usize = 4;
-/// Pixels per side of the images.
-const SMALL: usize = 64;
 
 /// One object.
 #[derive(Debug)]
@@ -34,7 +33,7 @@ pub(super) struct Shown {
 impl Shown {
     /// Makes object `k`: four images that are spread around it, and one between them.
     pub(super) fn new(of: &dyn Source, k: u64, version: &str, config: &Config) -> Result<Self> {
-        let small = of.object(k, version)?.small(SIDE / SMALL)?;
+        let small = of.object(k, version)?.sized(INPUT_SIDE)?;
         let angle = |i: usize| {
             let [x, y, _] = small.all[i].picture.camera.center();
             elem::atan2(f64::from(y), f64::from(x))

@@ -1,11 +1,12 @@
 //! Where the method fails: mirrors and fine lettering (Fig. 15).
 //!
 //! Mirrors are pixels with roughness at most 0.25 and metallic at least 0.5 under a map, in the smoother
-//! version of the objects. Detail is the sum of squared differences between neighbouring pixels inside the
-//! foreground, of the render divided by that of the truth: 1 for an image as sharp as the truth, 0 for a
-//! plain one; it is measured on packages and tins, which are printed. The noise of the truth counts as detail
-//! of it: a render without noise has a little less than 1 at best. A score of mirrors, and of the rest beside
-//! it, is the dB of an object's mean squared error over all images, as few images show many such pixels.
+//! version of the objects. Detail is the sum of squared differences between neighbouring pixels of a row
+//! inside the foreground, of the render divided by that of the truth: 1 for an image as sharp as the truth, 0
+//! for a plain one; it is measured on packages and tins, which are printed. The noise of the truth counts as
+//! detail of it: a render without noise has a little less than 1 at best. A score of mirrors, and of the rest
+//! beside it, is the dB of an object's mean squared error over all images, as few images show many such
+//! pixels.
 
 use super::setup::{Setup, decibels, shown, square_error};
 use crate::Result;
@@ -16,7 +17,6 @@ use crate::fit::training::Watch;
 use data_gen::{cameras, objects};
 use lastlight_lirm::evaluate::SET;
 use lastlight_lirm::model::weights::Ready;
-use lastlight_lirm::views::Views;
 use serde_json::Value;
 use std::sync::atomic::AtomicBool;
 
@@ -24,8 +24,6 @@ use std::sync::atomic::AtomicBool;
 const PRINTED: [&str; 2] = ["package", "tin"];
 /// Objects of a kind.
 const EACH: u64 = 4;
-/// Pixels per side of an input.
-const INPUT: usize = 64;
 /// Largest roughness and smallest metallic of a mirror.
 const MIRROR: [f32; 2] = [0.25, 0.5];
 /// Fewest pixels of a mean.
@@ -97,8 +95,7 @@ impl Experiment for Limits<'_> {
         let at = views.posed(model.config.pose, &protocol.inputs[..SET])?;
         let mut state = ready.no_state();
         for set in protocol.inputs.chunks(SET) {
-            let small: Views = views.chosen(set).small(p.set.size / INPUT)?;
-            state = ready.read_views(&state, &small.all, &at);
+            state = ready.read_chosen(&state, &views, set, &at)?;
         }
         let field = ready.decode(&state, p.look, at);
         let cells = view::occupancy(&field)?;

@@ -20,8 +20,6 @@ const STEPS: usize = 1024;
 const SIDE: usize = 192;
 /// Images.
 const IMAGES: usize = 4;
-/// Pixels per side of an input.
-const INPUT: usize = 64;
 /// Kinds of rows: the grid is filled once per field, whatever is rendered with it.
 const KINDS: [&str; 3] = ["all steps", FILLING, KEEPING];
 const FILLING: &str = "filling the grid";
@@ -68,9 +66,8 @@ impl Experiment for Occupied<'_> {
         let set = settings(SEED, self.setup.size.samples);
         let protocol = cameras::test(SEED, k, set.size);
         let at = views.posed(model.config.pose, &protocol.inputs[..SET])?;
-        let small = views.chosen(&protocol.inputs[..SET]).small(set.size / INPUT)?;
         let ready = Ready::new(model.config, &model.params);
-        let state = ready.read_views(&ready.no_state(), &small.all, &at);
+        let state = ready.read_chosen(&ready.no_state(), &views, &protocol.inputs[..SET], &at)?;
         let steps = Ord::min(STEPS, 8 * self.setup.size.steps);
         let usual = Look::of_field(steps, self.setup.protocol(model, "uniform").look.inverse_beta);
         let look = if with_grid { usual } else { Look { early_stop: None, ..usual } };

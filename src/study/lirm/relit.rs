@@ -29,8 +29,6 @@ const VERSION: &str = "environment";
 const SETS: usize = 2;
 /// Images that are relit.
 const IMAGES: usize = 4;
-/// Pixels per side of an input.
-const INPUT: usize = 64;
 /// Points of the grid of the mesh, and texels per side of its maps.
 const FORM: [usize; 2] = [96, 512];
 
@@ -78,8 +76,7 @@ impl Experiment for Relit<'_> {
         let at = views.posed(model.config.pose, &protocol.inputs[..SET])?;
         let mut state = ready.no_state();
         for which in protocol.inputs.chunks(SET).take(SETS) {
-            let small = views.chosen(which).small(set.size / INPUT)?;
-            state = ready.read_views(&state, &small.all, &at);
+            state = ready.read_chosen(&state, &views, which, &at)?;
         }
         let field = ready.decode(&state, self.setup.protocol(model, VERSION).look, at);
         let cells = view::occupancy(&field)?;

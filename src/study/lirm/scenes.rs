@@ -12,6 +12,7 @@ use data_gen::cameras;
 use lastlight_lirm::evaluate::{self, SET, settings};
 use lastlight_lirm::r#gen::{Set, Settings};
 use lastlight_lirm::model::weights::Ready;
+use lastlight_lirm::reading::INPUT_SIDE;
 use lastlight_lirm::views::Views;
 use serde_json::{Value, json};
 use std::sync::atomic::AtomicBool;
@@ -20,8 +21,6 @@ use std::sync::atomic::AtomicBool;
 const SAME: f32 = 0.02;
 /// Images of the head-mounted camera that are read, four at a time.
 const HEAD: usize = 16;
-/// Pixels per side of an input.
-const INPUT: usize = 64;
 
 /// An object that is added between two sets.
 #[derive(Debug)]
@@ -61,15 +60,10 @@ impl Experiment for Added<'_> {
         let protocol = cameras::test(SEED, k, set.size);
         let ready = Ready::new(model.config, &model.params);
         let at = before.posed(model.config.pose, &protocol.inputs[..SET])?;
-        let read = |state: &[f32], of: &Views, which: &[usize]| -> Result<Vec<f32>> {
-            let small = of.chosen(which).small(set.size / INPUT)?;
-            Ok(ready.read_views(state, &small.all, &at))
-        };
-        let states = {
-            let one = read(&ready.no_state(), &before, &protocol.inputs[..SET])?;
-            let two = read(&one, &after, &protocol.inputs[SET..2 * SET])?;
-            [one, two]
-        };
+        let [first, second] = [&protocol.inputs[..SET], &protocol.inputs[SET..2 * SET]];
+        let one = ready.read_chosen(&ready.no_state(), &before, first, &at)?;
+        let two = ready.read_chosen(&one, &after, second, &at)?;
+        let states = [one, two];
         let [mut new, mut old] = [[(); 2].map(|()| Vec::new()), [(); 2].map(|()| Vec::new())];
         for (n, state) in states.iter().enumerate() {
             let field = ready.decode(state, p.look, at);
@@ -158,7 +152,7 @@ impl Experiment for Head<'_> {
         let test = settings(SEED, self.setup.size.samples);
         let head =
             Settings { set: Set::Egocentric, camera, views: HEAD, size: 2 * test.size, ..test.clone() };
-        let seen = Views::rendered(&head, k, "uniform")?.cropped(INPUT);
+        let seen = Views::rendered(&head, k, "uniform")?.cropped(INPUT_SIDE);
         watch.lap("images");
         let p = self.setup.protocol(model, "uniform");
         let ready = Ready::new(model.config, &model.params);

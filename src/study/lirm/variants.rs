@@ -43,8 +43,8 @@ const UNFINISHED: &str = "unfinished";
 const VERSION: &str = "shiny";
 /// Sets that are scored.
 const SETS: usize = 3;
-/// Pixels per side of an input, and of an output.
-const SIDES: [usize; 2] = [64, 128];
+/// Pixels per side of an image.
+const SIDE: usize = 128;
 
 /// A kind of model.
 #[derive(Clone, Copy, Debug)]
@@ -166,14 +166,13 @@ impl Experiment for Variants<'_> {
         let mut values = Values::new();
         for k in 0..self.setup.size.objects {
             let views = self.setup.object(k, VERSION)?;
-            let inputs = cameras::test(SEED, k, SIDES[1]).inputs;
+            let inputs = cameras::test(SEED, k, SIDE).inputs;
             let at = views.posed(kind.config.pose, &inputs[..SET])?;
             let mut state = ready.no_state();
             for set in 0..SETS {
                 let own = if kind.updates { SET * set } else { 0 };
                 let from = if kind.updates { state } else { ready.no_state() };
-                let small = views.chosen(&inputs[own..SET * (set + 1)]).small(SIDES[1] / SIDES[0])?;
-                state = ready.read_views(&from, &small.all, &at);
+                state = ready.read_chosen(&from, &views, &inputs[own..SET * (set + 1)], &at)?;
                 let numbers = evaluate::state(&ready, &p, (&state, at), k, &views)?;
                 values.insert(format!("psnr_db_{}_{k:03}", set + 1), numbers["psnr_db"]);
             }

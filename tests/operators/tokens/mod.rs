@@ -228,7 +228,7 @@ fn fuse_is_linear_gelu_linear_over_joined_rows() {
 }
 
 #[test]
-fn fuse_at_its_first_values_leaves_the_learned_tokens() {
+fn fuse_at_the_published_first_values_leaves_the_learned_tokens() {
     let mut arrays = fuse_arrays();
     arrays[4].fill(0.0);
     arrays[5].fill(0.0);

@@ -1,0 +1,280 @@
+//! Sets of images of a capture, read after a state or after none: reconstruction and update.
+//!
+//! ```text
+//! capture ──► pictures ──► which images, set by set ──► inputs ──► transformer ──► state ──► field ──► scores of held-out images
+//!                               │                         ▲
+//!                               └─► place of the object ──┘  (that of the state, if there is one)
+//! ```
+
+use super::model::config::{Config, PATCH};
+use super::model::decode::Look;
+use super::model::file::{Model, digest};
+use super::model::params::count;
+use super::model::state::State;
+use super::model::transformer::Input;
+use super::model::weights::Ready;
+use super::reading::{INPUT_SIDE, check_tokens, inputs};
+use super::views::Views;
+use crate::fit::field::place::{Pose, around, placement, posed, unit_ball, upright};
+use crate::fit::field::targets::{Picture, Pictures, Target, placed, sees};
+use crate::fit::field::{Scores, score, view};
+use crate::fit::training::Watch;
+use crate::num::par;
+use crate::scene::camera::Camera;
+use crate::scene::field::{Field, Placement};
+use crate::scene::views::SceneBox;
+use crate::{Error, Result};
+
+/// Cosine of the largest angle between up in the images and z for which a capture is z up.
+const LEVEL: f64 = 0.94;
+
+/// Size of the images that are read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Size {
+    /// Square images of a multiple of [`INPUT_SIDE`] pixels are shrunk to it, others are cut to it around the
+    /// object.
+    Usual,
+    /// A square around the object, brought to this many pixels.
+    Cropped(usize),
+    /// As they are.
+    Own,
+}
+
+/// What the first set is read after.
+#[derive(Clone, Debug)]
+pub enum Start {
+    /// Nothing: with these axes, or those of the model; in this cube, or one around what the images show.
+    Nothing(Option<Pose>, Option<SceneBox>),
+    /// A state, in its box.
+    State(Box<State>),
+}
+
+/// Sets of images to read.
+#[derive(Debug)]
+pub struct Reconstruction<'a> {
+    /// The model.
+    pub model: &'a Model,
+    /// The capture.
+    pub pictures: &'a Pictures,
+    /// Indices of the images, set by set.
+    pub sets: Vec<Vec<usize>>,
+    /// Size of the images that are read.
+    pub size: Size,
+    /// How the field is rendered.
+    pub look: Look,
+}
+
+/// What a reconstruction takes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Work {
+    /// Weights of the model.
+    pub parameters: usize,
+    /// Tokens of the state and of the largest set.
+    pub tokens: usize,
+    /// Floating-point operations.
+    pub operations: f64,
+    /// Bytes at most, without the photos.
+    pub bytes: u64,
+}
+
+/// What was made.
+#[derive(Clone, Debug)]
+pub struct Made {
+    /// The state after all sets.
+    pub state: State,
+    /// Its field.
+    pub field: Field,
+    /// Relative changes of the state by the sets that were read now.
+    pub changes: Vec<f64>,
+    /// Scores of the held-out images.
+    pub scored: Vec<Scores>,
+    /// Scores of the state before, on the same images; empty if there was none.
+    pub before: Vec<Scores>,
+    /// Images whose names are those of images that the state before had read.
+    pub again: usize,
+    /// Held-out images that have the name of an image that was read, and are not scored.
+    pub unscored: usize,
+}
+
+/// The state must come from this model.
+fn belongs(state: &State, model: &Model) -> Result<()> {
+    let own = digest(&model.params);
+    let [of_state, of_model] = [state.config.json(), model.config.json()];
+    let settings = of_state.as_object().into_iter().flatten();
+    if let Some((name, x)) = settings.into_iter().find(|(name, x)| of_model[name.as_str()] != **x) {
+        return Err(Error::input("--model")
+            .at(format!("setting {name}"))
+            .expected(format!("{x}, as in the model of the state"))
+            .got(of_model[name.as_str()].to_string()));
+    }
+    if state.model == own {
+        return Ok(());
+    }
+    Err(Error::input("--model")
+        .expected(format!("the model of the state, with the digest {}", state.model))
+        .got(own))
+}
+
+impl Reconstruction<'_> {
+    /// The place of the object: that of the state, or one around what the images show. With it, the direction
+    /// that is up in the images, if it is not z and the axes of the model are turned to it for this reason.
+    ///
+    /// # Errors
+    /// When the state comes from another model, the images do not show which direction is up, an image does
+    /// not show the object, or no image of a set shows it in its box.
+    pub fn place(&self, start: &Start) -> Result<(Placement, Option<[f64; 3]>)> {
+        let (pose, given) = match start {
+            Start::State(state) => {
+                belongs(state, self.model)?;
+                self.check(&state.placement, true)?;
+                return Ok((state.placement, None));
+            }
+            Start::Nothing(pose, given) => (pose, given),
+        };
+        let of = self.pictures;
+        let read: Vec<&Picture> = self.sets.iter().flatten().map(|i| &of.pictures[*i]).collect();
+        let scene = match given {
+            Some(given) => *given,
+            None if of.is_unit_ball => unit_ball(),
+            None => around(&read, of.views.scene_box.center)?,
+        };
+        let cameras: Vec<&Camera> = read.iter().map(|p| &p.camera).collect();
+        let own = self.model.config.pose;
+        let up = upright(&cameras).filter(|up| pose.is_none() && own == Pose::Azimuth && up[2] < LEVEL);
+        let pose = pose.unwrap_or(if up.is_some() { Pose::Upright } else { own });
+        let place = posed(placement(&scene), pose, &cameras)?;
+        self.check(&place, false)?;
+        Ok((place, up))
+    }
+
+    /// Checks that every image shows the object, and one of every set shows it in the box.
+    fn check(&self, place: &Placement, is_update: bool) -> Result<()> {
+        for set in &self.sets {
+            let all = || set.iter().map(|i| &self.pictures.pictures[*i]);
+            if let Some(p) = all().find(|p| p.foreground.iter().all(|m| *m < 0.5)) {
+                return Err(Error::input(p.name.clone())
+                    .at("foreground")
+                    .expected("the object in at least one pixel")
+                    .got("none")
+                    .hint("--inputs names the images to read"));
+            }
+            if all().any(|p| sees(&placed(&p.camera, place), &p.foreground)) {
+                continue;
+            }
+            return Err(match is_update {
+                true => Error::input("capture")
+                    .expected("images that show the object in the box of the state")
+                    .got("a set without a foreground pixel that sees it"),
+                false => Error::input("--box")
+                    .expected("a box that covers the object in the images")
+                    .got("one that no foreground pixel of a set sees"),
+            });
+        }
+        Ok(())
+    }
+
+    /// Images of the size that is read.
+    fn sized(&self, views: Views) -> Result<Views> {
+        match self.size {
+            Size::Cropped(side) => Ok(views.cropped(side)),
+            Size::Own => Ok(views),
+            Size::Usual => views.sized(INPUT_SIDE),
+        }
+    }
+
+    /// The tokens of an image of the size that is read.
+    fn tokens(&self, p: &Picture) -> usize {
+        let [width, height] = match self.size {
+            Size::Cropped(side) => [side; 2],
+            Size::Own => [p.camera.width, p.camera.height],
+            Size::Usual => [INPUT_SIDE; 2],
+        };
+        width.div_ceil(PATCH) * height.div_ceil(PATCH)
+    }
+
+    /// What it takes.
+    ///
+    /// # Errors
+    /// If a set has too many tokens.
+    pub fn work(&self) -> Result<Work> {
+        let config: &Config = &self.model.config;
+        let of_set =
+            |set: &Vec<usize>| set.iter().fold(0, |n, i| n + self.tokens(&self.pictures.pictures[*i]));
+        let tokens: Vec<usize> = self.sets.iter().map(of_set).collect();
+        tokens.iter().try_for_each(|n| check_tokens(*n))?;
+        let most = tokens.iter().copied().fold(0, Ord::max);
+        let parameters = count(config);
+        Ok(Work {
+            parameters,
+            tokens: config.state_tokens() + most,
+            operations: tokens.iter().fold(0.0, |sum, n| sum + config.flops(*n)[0]),
+            bytes: config.memory(parameters, most),
+        })
+    }
+
+    /// Reads the sets, decodes the state, and scores the field on the held-out images.
+    ///
+    /// # Errors
+    /// When an image cannot be read, or a number is not finite.
+    pub fn run(&self, start: Start, place: Placement, watch: &mut dyn Watch) -> Result<Made> {
+        let (model, pictures) = (self.model, self.pictures);
+        let before = match start {
+            Start::Nothing(..) => None,
+            Start::State(state) => Some(*state),
+        };
+        // One by one, so that copies of a few images are in memory.
+        let input = |i: usize| -> Result<Input> {
+            let views = self.sized(Views::of_capture(pictures, &[i], place)?)?;
+            Ok(inputs(&views, &model.config)?.swap_remove(0))
+        };
+        let set = |some: &Vec<usize>| par::map(some.len(), |k| input(some[k])).into_iter().collect();
+        let sets: Vec<Vec<Input>> = self.sets.iter().map(set).collect::<Result<_>>()?;
+        watch.lap("inputs");
+        let ready = Ready::new(model.config, &model.params);
+        let first = before.as_ref().map_or_else(|| ready.no_state(), |s| s.tokens.clone());
+        let (tokens, changes) = ready.read_all(&first, &sets);
+        if let Some(bad) = tokens.iter().find(|x| !x.is_finite()) {
+            return Err(Error::check("LIRM state").expected("finite numbers").got(bad.to_string()));
+        }
+        watch.lap("transformer");
+        let field = ready.decode(&tokens, self.look, place);
+        field.validate()?;
+        watch.lap("decoding");
+        let is_update = before.is_some();
+        let exposure = before.as_ref().map_or(pictures.exposure, |s| s.exposure);
+        let (mut all_sets, mut all_changes, mut images) =
+            before.map_or_else(Default::default, |s| (s.sets, s.changes, s.images));
+        let own = self.sets.iter().flatten().map(|i| pictures.pictures[*i].name.clone());
+        let again = own.clone().filter(|name| images.contains(name)).count();
+        // A state of an earlier version has no changes: the list is that of all sets, or empty.
+        if all_changes.len() == all_sets.len() {
+            all_changes.extend(&changes);
+        }
+        all_sets.extend(sets.iter().map(Vec::len));
+        images.extend(own);
+        let targets = pictures.held_out(&place);
+        let (seen, held_out): (Vec<&Target>, Vec<&Target>) =
+            targets.iter().partition(|t| images.contains(&t.name));
+        let scores = |field: &Field| -> Result<Vec<Scores>> {
+            let cells = view::occupancy(field)?;
+            held_out.iter().map(|t| score(field, &cells, t)).collect()
+        };
+        let scored = scores(&field)?;
+        let before = match is_update && !held_out.is_empty() {
+            true => scores(&ready.decode(&first, self.look, place))?,
+            false => Vec::new(),
+        };
+        watch.lap("evaluation");
+        let state = State {
+            tokens,
+            placement: place,
+            config: model.config,
+            model: digest(&model.params),
+            sets: all_sets,
+            changes: all_changes,
+            images,
+            exposure,
+        };
+        Ok(Made { state, field, changes, scored, before, again, unscored: seen.len() })
+    }
+}
