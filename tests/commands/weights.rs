@@ -92,7 +92,8 @@ fn the_shipped_model_of_objects_is_the_recorded_one() {
         assert_eq!((part.stage.as_str(), part.start.as_str()), (*stage, *start), "{part:?}");
         assert_eq!(*steps, format!("{first}–{last} of {}", part.steps), "{part:?}");
     }
-    for pair in rows.windows(2).filter(|pair| !(pair[0][0] == "1c" && pair[1][0] == "2a")) {
+    // Stage 2a makes a whole model of a plain one first.
+    for pair in rows.windows(2).filter(|pair| !(pair[0][0].starts_with('1') && pair[1][0] == "2a")) {
         assert_eq!(pair[0][3], pair[1][2], "every part begins with the result of the one before it");
     }
 }
