@@ -220,8 +220,8 @@ fn inputs(
     views: &Views,
     other: Option<&Views>,
 ) -> Result<Vec<Vec<Input>>> {
-    let small = views.sized(INPUT_SIDE)?;
-    let other = other.map(|other| other.sized(INPUT_SIDE)).transpose()?;
+    let small = views.small(SIDE / INPUT_SIDE)?;
+    let other = other.map(|other| other.small(SIDE / INPUT_SIDE)).transpose()?;
     let at = axes(ready, p, k, views)?;
     let input = |of: &Views, i: usize, camera: usize| {
         let mut view = of.all[i].clone();
@@ -303,7 +303,7 @@ pub fn views(
     let (order, at) = (order_of(p, k), axes(ready, p, k, views)?);
     let mut state = ready.no_state();
     let mut scored = Scores { object: k, rounds: Vec::new(), images: Vec::new() };
-    let small = views.sized(INPUT_SIDE)?;
+    let small = views.small(SIDE / INPUT_SIDE)?;
     let sets = inputs(ready, p, k, views, other)?;
     for (round, set) in sets.iter().enumerate() {
         if matches!(p.control, Control::ZeroedState | Control::AtOnce) {
