@@ -212,7 +212,8 @@ impl Reconstruction<'_> {
         })
     }
 
-    /// Reads the sets, decodes the state, and scores the field on the held-out images.
+    /// Reads the sets, decodes the state, and scores the field on the held-out images; `place` is from
+    /// [`Self::place`], which checks the images.
     ///
     /// # Errors
     /// When an image cannot be read, or a number is not finite.

@@ -20,6 +20,7 @@
 mod check;
 mod file;
 
+pub use self::check::{INVERSE_BETA, MAX_VALUE};
 use crate::num::bits::Digest;
 use crate::{Error, Result};
 use serde_json::{Value, json};

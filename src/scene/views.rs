@@ -17,6 +17,12 @@ pub const TEST_EVERY: usize = 8;
 /// Bytes of a pixel of a view with a mask.
 const PIXEL_BYTES: u64 = 4;
 
+/// The pixels of all frames whose size is known, as they are loaded.
+pub fn pixels(frames: &[Frame], options: &Options) -> u64 {
+    let shrink = (options.downscale * options.downscale) as u64;
+    frames.iter().filter_map(|f| f.size).fold(0, |n, [w, h]| n + w as u64 * h as u64 / shrink)
+}
+
 /// Fewer points than this are no start of a fit.
 pub const FEW_POINTS: usize = 100;
 
@@ -193,10 +199,7 @@ impl Views {
             // With a single image nothing can be held out: a score on what was fitted is none.
             train = std::mem::take(&mut test);
         }
-        let shrink = (options.downscale * options.downscale) as u64;
-        let pixels =
-            frames.iter().filter_map(|f| f.size).fold(0, |n, [w, h]| n + w as u64 * h as u64 / shrink);
-        memory::check("photos", pixels.saturating_mul(PIXEL_BYTES))
+        memory::check("photos", pixels(&capture.frames, options).saturating_mul(PIXEL_BYTES))
             .map_err(|e| e.hint("--downscale lowers the estimate, --max-memory raises the limit"))?;
         let loaded = par::map(frames.len(), |i| load(frames[i], options))
             .into_iter()

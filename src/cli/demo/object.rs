@@ -16,7 +16,7 @@ use crate::fit::passes::{PassSet, Shot, as_read};
 use crate::fit::relight::around;
 use crate::fit::training::Watch;
 use crate::geometry::bvh::Bvh;
-use crate::lirm::job::{Job, Made};
+use crate::lirm::job::Job;
 use crate::meter::Meter;
 use crate::report::images::{Label, Sheet};
 use crate::report::run::decibel;
@@ -32,7 +32,7 @@ use data_gen::cameras;
 use lastlight_lirm::r#gen::{self as set, Lighting, Set, Settings as Making};
 use lastlight_lirm::model::decode::Look;
 use lastlight_lirm::model::file::Model;
-use lastlight_lirm::reconstruct::{Reconstruction, Size, Start};
+use lastlight_lirm::reconstruct::{Made, Reconstruction, Size, Start};
 use maud::html;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -64,23 +64,24 @@ pub(super) fn run(args: &Args, dir: &Path, meter: &mut Meter) -> Result<Outcome>
     let sets: Vec<Vec<usize>> =
         sets.chunks(SET).take(2).map(|set| indices(&pictures, set)).collect::<Result<_>>()?;
 
-    let read = |kind, set: &[usize], start: Start, name: &str, meter: &mut Meter| -> Result<Made> {
-        let reading = Reconstruction {
-            model: &model,
-            pictures: &pictures,
-            sets: vec![set.to_vec()],
-            size: Size::Usual,
-            look: Look::of_field(STEPS, model.inverse_beta()),
+    let read =
+        |kind, set: &[usize], start: Start, name: &str, meter: &mut Meter| -> Result<(Made, Outcome)> {
+            let reading = Reconstruction {
+                model: &model,
+                pictures: &pictures,
+                sets: vec![set.to_vec()],
+                size: Size::Usual,
+                look: Look::of_field(STEPS, model.inverse_beta()),
+            };
+            let settings = json!({ "capture": capture, "model": model_name });
+            let job = Job { kind, capture: &capture, reading, settings };
+            let place = job.place(&start, meter)?;
+            let dir = folder(dir.join(name))?;
+            job.run(start, place, &dir, meter)
         };
-        let settings = json!({ "capture": capture, "model": model_name });
-        let job = Job { kind, capture: &capture, reading, settings };
-        let place = job.place(&start, meter)?;
-        let dir = folder(dir.join(name))?;
-        job.run(start, place, &dir, meter)
-    };
-    let first = read("lirm reconstruct", &sets[0], Start::Nothing(None, None), "first", meter)?;
+    let (first, _) = read("lirm reconstruct", &sets[0], Start::Nothing(None, None), "first", meter)?;
     let before = Start::State(Box::new(first.state.clone()));
-    let second = read("lirm update", &sets[1], before, "second", meter)?;
+    let (second, outcome) = read("lirm update", &sets[1], before, "second", meter)?;
 
     let [side, texture] = FORM;
     let baked = bake(&second.field, &Form { side, texture, ..Form::default() })?;
@@ -103,7 +104,7 @@ pub(super) fn run(args: &Args, dir: &Path, meter: &mut Meter) -> Result<Outcome>
         note: format!("after {} images; {} after {SET}", 2 * SET, decibel(db(0))),
     };
     let record = json!({
-        "digest": second.outcome.record["digest"], "rounds": rounds, "stages": model.stages(), "seconds": meter.seconds(),
+        "digest": outcome.record["digest"], "rounds": rounds, "stages": model.stages(), "seconds": meter.seconds(),
         "triangles": baked.object.mesh.triangles.len(),
     });
     let page = Page {

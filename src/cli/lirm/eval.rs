@@ -4,12 +4,16 @@ use super::weights;
 use crate::choices::{Choices, choices};
 use crate::console as cli;
 use crate::fit::training::Watch;
+use crate::io::memory;
 use crate::meter::Meter;
 use crate::{Error, Result};
-use lastlight_lirm::evaluate::{self, Control, Order, Protocol};
+use lastlight_lirm::evaluate::{self, Control, Order, Protocol, SET};
+use lastlight_lirm::model::config::PATCH;
 use lastlight_lirm::model::decode::Look;
 use lastlight_lirm::model::file::digest;
+use lastlight_lirm::model::params::count;
 use lastlight_lirm::model::weights::Ready;
+use lastlight_lirm::reading::INPUT_SIDE;
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
@@ -115,6 +119,10 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let mut meter = Meter::new();
     let (model, name) = weights::model(args.model.as_deref(), &meter)?;
     let inverse_beta = weights::inverse_beta(args.inverse_beta, &model)?;
+    // All images so far in one round, or those of a set.
+    let sets = if args.control == "at-once" { usize::from(args.sets) } else { 1 };
+    let tokens = sets * SET * (INPUT_SIDE / PATCH) * (INPUT_SIDE / PATCH);
+    memory::check("lirm eval", model.config.memory(count(&model.config), tokens))?;
     let ready = Ready::new(model.config, &model.params);
     let p = Protocol {
         set: evaluate::settings(args.seed, args.samples),

@@ -2,7 +2,6 @@
 //! ([`lastlight_lirm::reconstruct`]), then the results are written.
 
 use crate::field::page;
-use crate::fit::field::Scores;
 use crate::fit::field::scores::means;
 use crate::fit::render::flat_name;
 use crate::fit::training::Watch;
@@ -12,13 +11,13 @@ use crate::num::gemm::{Finish, View, gemm};
 use crate::num::order;
 use crate::report::run::Run;
 use crate::report::{self};
-use crate::scene::field::{FILE as FIELD, Field, Placement};
+use crate::scene::field::{FILE as FIELD, Placement};
 use crate::shared::{Outcome, name};
 use crate::training::RESULT;
 use crate::units::counted;
 use crate::{Result, console as cli, units, version};
-use lastlight_lirm::model::state::{FILE as STATE, State};
-use lastlight_lirm::reconstruct::{self, Reconstruction, Start};
+use lastlight_lirm::model::state::FILE as STATE;
+use lastlight_lirm::reconstruct::{Made, Reconstruction, Start};
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -38,15 +37,6 @@ pub(crate) struct Job<'a> {
     pub(crate) reading: Reconstruction<'a>,
     /// The settings in the record.
     pub(crate) settings: Value,
-}
-
-/// What was made.
-pub(crate) struct Made {
-    pub(crate) state: State,
-    pub(crate) field: Field,
-    /// Of the held-out images.
-    pub(crate) scored: Vec<Scores>,
-    pub(crate) outcome: Outcome,
 }
 
 impl Job<'_> {
@@ -97,7 +87,13 @@ impl Job<'_> {
     /// # Errors
     /// When an image cannot be read, the work does not fit into the memory, a number is not finite, or a file cannot be
     /// written.
-    pub(crate) fn run(&self, start: Start, place: Placement, dir: &Path, meter: &mut Meter) -> Result<Made> {
+    pub(crate) fn run(
+        &self,
+        start: Start,
+        place: Placement,
+        dir: &Path,
+        meter: &mut Meter,
+    ) -> Result<(Made, Outcome)> {
         meter.lap("reading");
         self.announce(meter)?;
         let made = self.reading.run(start, place, meter)?;
@@ -120,13 +116,12 @@ impl Job<'_> {
         made.state.write(&dir.join(STATE))?;
         made.field.write(&dir.join(FIELD))?;
         let outcome = self.outcome(&made, dir, meter)?;
-        let reconstruct::Made { state, field, scored, .. } = made;
-        Ok(Made { state, field, scored, outcome })
+        Ok((made, outcome))
     }
 
     /// Writes the renders and the record; gives the record, the report and the lines for a terminal.
-    fn outcome(&self, made: &reconstruct::Made, dir: &Path, meter: &Meter) -> Result<Outcome> {
-        let reconstruct::Made { state, field, changes, scored, .. } = made;
+    fn outcome(&self, made: &Made, dir: &Path, meter: &Meter) -> Result<Outcome> {
+        let Made { state, field, changes, scored, .. } = made;
         let earlier = (!made.before.is_empty()).then(|| means(&made.before));
         let mut names = vec![FIELD.to_owned(), STATE.to_owned(), RESULT.to_owned()];
         names.extend(page::write_renders(dir, scored, &flat_name)?);

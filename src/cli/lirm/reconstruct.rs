@@ -194,5 +194,6 @@ fn made(
     let job = Job { kind, capture, reading, settings };
     let place = job.place(&start, &meter)?;
     let dir = claim::folder(&args.out, false, args.filling.force)?;
-    job.run(start, place, &dir, &mut meter)?.outcome.publish(&dir)
+    let (_, outcome) = job.run(start, place, &dir, &mut meter)?;
+    outcome.publish(&dir)
 }

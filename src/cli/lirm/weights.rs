@@ -1,6 +1,7 @@
 //! The model of the commands that use one.
 
 use crate::meter::Meter;
+use crate::scene::field::INVERSE_BETA;
 use crate::{Error, Result};
 use lastlight_lirm::model::file::Model;
 use lastlight_lirm::model::shipped;
@@ -24,8 +25,12 @@ pub(crate) fn model(path: Option<&Path>, meter: &Meter) -> Result<(Model, String
 /// # Errors
 /// If it is out of the range of a field.
 pub(super) fn inverse_beta(given: Option<f32>, model: &Model) -> Result<f32> {
-    match given.filter(|x| !(1e-6..=1e6).contains(x)) {
-        Some(x) => Err(Error::input("--inverse-beta").expected("0.000001 to 1000000").got(x.to_string())),
+    let [least, most] = INVERSE_BETA;
+    match given.filter(|x| !(least..=most).contains(x)) {
+        Some(x) => {
+            let e = Error::input("--inverse-beta").expected(format!("{least} to {most}"));
+            Err(e.got(x.to_string()))
+        }
         None => Ok(given.unwrap_or_else(|| model.inverse_beta())),
     }
 }

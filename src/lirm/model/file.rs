@@ -10,6 +10,7 @@ use super::params;
 use crate::io::safetensors::{self, Precision};
 use crate::num::array::Arrays;
 use crate::num::bits::Digest;
+use crate::scene::field::MAX_VALUE;
 use crate::tape::Params;
 use crate::{Error, Result};
 use ndarray::{ArrayD, Axis, IxDyn};
@@ -20,9 +21,6 @@ use std::path::Path;
 pub const FILE: &str = "model.safetensors";
 /// The kind recorded in the metadata.
 const KIND: &str = "LIRM model";
-
-/// Largest magnitude of a weight and of a number of a state: that of the numbers of a field.
-const MAX_VALUE: f32 = 1e12;
 
 /// The numbers of an array of a shape, in single precision.
 ///

@@ -3,6 +3,7 @@
 //! ```text
 //! stage     what a stage is: light, samples, 1/β, resolution, steps, rate
 //! distances points around an object with signed distances, for the recipe that compares them
+//! settings what a training is beside its stage, and the memory that it needs
 //! source    objects by index: rendered in memory                             stored    the same, from the folder of a set
 //! optimizer AdamW, or Muon for matrices
 //! draws    which object, how turned, which views, in a step
@@ -35,6 +36,7 @@ pub mod distances;
 mod draws;
 mod object;
 pub mod optimizer;
+mod settings;
 mod shown;
 pub mod source;
 pub mod stage;
@@ -43,13 +45,14 @@ pub mod stored;
 use self::draws::Draws;
 use self::object::Object;
 use self::optimizer::{Kind, States};
+pub use self::settings::Settings;
 use self::shown::Shown;
 use self::source::Pool;
 use self::stage::Stage;
 use super::model::config::Config;
 use super::model::file::digest;
 use super::model::origin::Part;
-use super::model::params::{count, extended, first};
+use super::model::params::{extended, first};
 use super::model::transformer::Keep;
 use super::model::weights::{Gradients, Ready};
 use crate::fit::training::{Fit, Preview, Step, Watch};
@@ -79,61 +82,6 @@ fn of_mean(mean: &Params) -> Params {
     let mut all = Params::new();
     mean.iter().for_each(|(name, array)| all.set(&in_mean(name), array.clone()));
     all
-}
-
-/// Settings of a training.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Settings {
-    /// The stage.
-    pub stage: Stage,
-    /// What updates the matrices of the blocks.
-    pub optimizer: Kind,
-    /// Learning rate of the heads that stage 2 adds (albedo, roughness and metallic, ρ), in units of that of
-    /// all other arrays.
-    pub head_rate: f64,
-    /// Seed of first values and draws.
-    pub seed: u64,
-    /// Objects per step.
-    pub batch: usize,
-    /// Objects that are in memory at once: each is in twelve batches, in random order, and then the next ones
-    /// follow.
-    pub block: usize,
-    /// Objects whose gradients are in memory at once; changes no bit.
-    pub at_once: usize,
-    /// Whether blocks run again in the adjoint instead of keeping what they save; changes no bit.
-    pub recompute: bool,
-    /// Steps at the end over which the weights of the result are averaged; 0 takes the last ones.
-    pub average_last: usize,
-}
-
-/// Bytes of an object in memory: twenty images of 128² pixels with their passes, and the points with
-/// distances.
-const OBJECT_BYTES: usize = 23 << 20;
-
-impl Settings {
-    /// Returns the bytes that a training needs, about: the objects that are in memory; weights, their mean,
-    /// moments and gradients; what the blocks save for the largest sets of images, twelve arrays of all
-    /// tokens per block.
-    pub fn memory(&self, config: &Config) -> u64 {
-        let whole = Config { is_whole: self.stage.is_whole || config.is_whole, ..*config };
-        let at_once = Ord::min(self.at_once, self.batch);
-        let mean = usize::from(self.average_last > 0);
-        // The gradients of a set, and the sums over those before it.
-        let weights = count(&whole) * (5 + mean + 2 * at_once);
-        let tokens = whole.state_tokens() + self.stage.images[1] * object::INPUT_TOKENS;
-        let kept = if self.recompute { 12 + whole.blocks } else { 12 * whole.blocks };
-        let saved = at_once * (kept * tokens * whole.width + 3 * whole.texels());
-        (4 * (weights + saved) + self.most_blocks() * self.block * OBJECT_BYTES) as u64
-    }
-
-    /// The blocks of objects that a step is in, at most.
-    fn most_blocks(&self) -> usize {
-        let (batch, uses) = (self.batch, stage::USES * self.block);
-        if uses.is_multiple_of(batch) || batch.is_multiple_of(uses) {
-            return batch.div_ceil(uses);
-        }
-        batch.saturating_sub(1).div_ceil(uses) + 1
-    }
 }
 
 /// A training of one stage.

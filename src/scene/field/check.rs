@@ -14,7 +14,9 @@ const MAX_LEVELS: usize = 64;
 /// Largest number of steps of a ray.
 const MAX_SAMPLES: usize = 65_536;
 /// Largest magnitude of a value or weight, half size, and of the placement.
-const MAX_VALUE: f32 = 1e12;
+pub const MAX_VALUE: f32 = 1e12;
+/// Smallest and largest 1/β.
+pub const INVERSE_BETA: [f32; 2] = [1e-6, 1e6];
 
 /// Refuses a number outside a range; NaN is outside.
 fn within(what: &str, x: f64, range: std::ops::RangeInclusive<f64>) -> Result<()> {
@@ -106,7 +108,8 @@ impl Settings {
         let positive = f64::from(f32::MIN_POSITIVE)..=f64::from(MAX_VALUE);
         within("setting 'half_size'", f64::from(self.half_size), positive.clone())?;
         within("setting 'samples'", self.samples as f64, 1.0..=MAX_SAMPLES as f64)?;
-        within("setting 'inverse_beta'", f64::from(self.inverse_beta), 1e-6..=1e6)?;
+        let [least, most] = INVERSE_BETA.map(f64::from);
+        within("setting 'inverse_beta'", f64::from(self.inverse_beta), least..=most)?;
         for (name, number) in [("early_stop", self.early_stop), ("least_weight", self.least_weight)] {
             if let Some(number) = number {
                 within(&format!("setting '{name}'"), f64::from(number), 0.0..=1.0)?;

@@ -13,7 +13,7 @@ use crate::num::{order, par};
 use crate::scene::camera::Camera;
 use crate::scene::field::Placement;
 use crate::scene::passes::PassImages;
-use crate::scene::views::{Masks, Options, View, Views};
+use crate::scene::views::{Masks, Options, View, Views, pixels};
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
 
@@ -343,10 +343,7 @@ impl Pictures {
             without_masks: options.masks == Masks::Off,
         };
         let capture: Capture = read_capture_with(path, &reading)?;
-        let shrink = (options.downscale * options.downscale) as u64;
-        let pixels = capture.frames.iter().filter_map(|f| f.size);
-        let pixels = pixels.fold(0, |n, [w, h]| n + w as u64 * h as u64 / shrink);
-        memory::check("images", pixels.saturating_mul(PIXEL_BYTES))
+        memory::check("images", pixels(&capture.frames, options).saturating_mul(PIXEL_BYTES))
             .map_err(|e| e.hint("--downscale lowers the estimate, --max-memory raises the limit"))?;
         let views = Views::from_capture(&capture, options)?;
         let read = par::map(views.views.len(), |i| {

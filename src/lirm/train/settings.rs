@@ -1,0 +1,94 @@
+//! What a training is beside its stage, and the memory that it needs.
+
+use super::object::INPUT_TOKENS;
+use super::optimizer::Kind;
+use super::stage::{Stage, USES};
+use crate::lirm::model::config::Config;
+use crate::lirm::model::params::count;
+
+/// Settings of a training.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    /// The stage.
+    pub stage: Stage,
+    /// What updates the matrices of the blocks.
+    pub optimizer: Kind,
+    /// Learning rate of the heads that stage 2 adds (albedo, roughness and metallic, ρ), in units of that of
+    /// all other arrays.
+    pub head_rate: f64,
+    /// Seed of first values and draws.
+    pub seed: u64,
+    /// Objects per step.
+    pub batch: usize,
+    /// Objects that are in memory at once: each is in twelve batches, in random order, and then the next ones
+    /// follow.
+    pub block: usize,
+    /// Objects whose gradients are in memory at once; changes no bit.
+    pub at_once: usize,
+    /// Whether blocks run again in the adjoint instead of keeping what they save; changes no bit.
+    pub recompute: bool,
+    /// Steps at the end over which the weights of the result are averaged; 0 takes the last ones.
+    pub average_last: usize,
+}
+
+/// Bytes of an object in memory: twenty images of 128² pixels with their passes, and the points with
+/// distances.
+const OBJECT_BYTES: usize = 23 << 20;
+
+impl Settings {
+    /// Returns the bytes that a training needs, about: the objects that are in memory; weights, their mean,
+    /// moments and gradients; what the blocks save for the largest sets of images, twelve arrays of all
+    /// tokens per block.
+    pub fn memory(&self, config: &Config) -> u64 {
+        let whole = Config { is_whole: self.stage.is_whole || config.is_whole, ..*config };
+        let at_once = Ord::min(self.at_once, self.batch);
+        let mean = usize::from(self.average_last > 0);
+        // The gradients of a set, and the sums over those before it.
+        let weights = count(&whole) * (5 + mean + 2 * at_once);
+        let tokens = whole.state_tokens() + self.stage.images[1] * INPUT_TOKENS;
+        let kept = if self.recompute { 12 + whole.blocks } else { 12 * whole.blocks };
+        let saved = at_once * (kept * tokens * whole.width + 3 * whole.texels());
+        (4 * (weights + saved) + self.most_blocks() * self.block * OBJECT_BYTES) as u64
+    }
+
+    /// The blocks of objects that a step is in, at most: the places of a batch are consecutive uses of
+    /// objects, and the first of them is a multiple of the greatest common divisor of batch and uses of a
+    /// block.
+    fn most_blocks(&self) -> usize {
+        let uses = USES * self.block;
+        let (mut divisor, mut rest) = (uses, self.batch);
+        while rest > 0 {
+            (divisor, rest) = (rest, divisor % rest);
+        }
+        (uses - divisor + self.batch.saturating_sub(1)) / Ord::max(uses, 1) + 1
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::draws::Draws;
+    use super::*;
+    use std::collections::BTreeSet;
+
+    #[test]
+    fn a_step_is_in_as_many_blocks_as_its_draws_name() {
+        let stage = Stage::named("1a").expect("a name");
+        for (batch, block) in [(8, 200), (8, 1), (7, 2), (7, 1), (12, 1), (24, 1), (64, 1), (1, 3), (5, 4)] {
+            let settings = Settings {
+                stage: stage.clone(),
+                optimizer: Kind::AdamW,
+                head_rate: 1.0,
+                seed: 0,
+                batch,
+                block,
+                at_once: 1,
+                recompute: false,
+                average_last: 0,
+            };
+            let draws = Draws { seed: 0, stage: &stage, batch, block };
+            let of = |step: usize| draws.objects(step).into_iter().collect::<BTreeSet<u64>>().len() / block;
+            let most = (0..USES * block).map(of).fold(0, Ord::max);
+            assert_eq!(settings.most_blocks(), most, "batches of {batch}, blocks of {block}");
+        }
+    }
+}
