@@ -18,13 +18,18 @@ pub const MAX_VALUE: f32 = 1e12;
 /// Smallest and largest 1/β.
 pub const INVERSE_BETA: [f32; 2] = [1e-6, 1e6];
 
+/// A number for a message, with an exponent if it would be long.
+fn text(x: f64) -> String {
+    if x != 0.0 && !(1e-4..1e9).contains(&x.abs()) { format!("{x:e}") } else { x.to_string() }
+}
+
 /// Refuses a number outside a range; NaN is outside.
 fn within(what: &str, x: f64, range: std::ops::RangeInclusive<f64>) -> Result<()> {
     if range.contains(&x) {
         return Ok(());
     }
-    let e = Error::input(what).expected(format!("{} to {}", range.start(), range.end()));
-    Err(e.got(x.to_string()))
+    let e = Error::input(what).expected(format!("{} to {}", text(*range.start()), text(*range.end())));
+    Err(e.got(text(x)))
 }
 
 /// Refuses a size outside a range.
