@@ -99,6 +99,7 @@ const RUN: &[&str] = &[
 
 /// Options that `-h` leaves out.
 const RARE: &[&str] = &[
+    "absolute-albedo",
     "allow-outside",
     "animate",
     "appearances",
@@ -187,6 +188,7 @@ const RARE: &[&str] = &[
     "until",
     "up",
     "updates",
+    "uses",
     "variation",
     "version",
     "video-render-as",

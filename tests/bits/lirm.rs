@@ -14,7 +14,7 @@ use lastlight::lirm::model::weights::Ready;
 use lastlight::lirm::train::distances::Distances;
 use lastlight::lirm::train::optimizer::Kind;
 use lastlight::lirm::train::source::Source;
-use lastlight::lirm::train::stage::{SIDE, Stage, VIEWS};
+use lastlight::lirm::train::stage::{SIDE, Stage, USES, VIEWS};
 use lastlight::lirm::train::{Settings, Training};
 use lastlight::lirm::views::{View, Views};
 use lastlight::num::array::Arrays;
@@ -122,6 +122,7 @@ fn settings(stage: &str, distances: f32, optimizer: Kind) -> Settings {
         seed: 5,
         batch: 2,
         block: 2,
+        uses: USES,
         at_once: 2,
         recompute: false,
         average_last: 0,

@@ -8,7 +8,7 @@ use lastlight::lirm::model::params::{extended, first};
 use lastlight::lirm::train::distances::Distances;
 use lastlight::lirm::train::optimizer::{Kind, LATER};
 use lastlight::lirm::train::source::{Rendered, Source};
-use lastlight::lirm::train::stage::Stage;
+use lastlight::lirm::train::stage::{Stage, USES};
 use lastlight::lirm::train::stored::Stored;
 use lastlight::lirm::train::{Settings, Training};
 use lastlight::lirm::views::Views;
@@ -65,6 +65,7 @@ fn settings(stage: &str, steps: usize) -> Settings {
         seed: 0,
         batch: 2,
         block: 2,
+        uses: USES,
         at_once: 2,
         recompute: false,
         average_last: 0,
@@ -195,15 +196,18 @@ fn a_stage_goes_on_after_its_first_part() {
         assert!(e.contains("--until") && e.contains("4 to 40"), "{e}");
     }
     let shape = Stage { shape_steps: 40, ..settings("1a", 40).stage.with_distances(1.0) };
+    let absolute = Stage { absolute_albedo: true, ..settings("1a", 40).stage };
     for (name, other) in [
         ("--seed", Settings { seed: 1, ..settings("1a", 40) }),
         ("--iterations", settings("1a", 41)),
         ("--objects-at-once", Settings { block: 3, ..settings("1a", 40) }),
+        ("--uses", Settings { uses: 4, ..settings("1a", 40) }),
         ("--optimizer", Settings { optimizer: Kind::Muon, ..settings("1a", 40) }),
         ("--rate", Settings { stage: settings("1a", 40).stage.with_rate(1e-3), ..settings("1a", 40) }),
         ("--room", Settings { stage: Stage { room: 0.0, ..settings("1a", 40).stage }, ..settings("1a", 40) }),
         ("--shape-steps", Settings { stage: shape, ..settings("1a", 40) }),
         ("--head-rate", Settings { head_rate: 2.0, ..settings("1a", 40) }),
+        ("--absolute-albedo", Settings { stage: absolute, ..settings("1a", 40) }),
         ("--updates", Settings { stage: settings("1a", 40).stage.with_updates(), ..settings("1a", 40) }),
     ] {
         let mut other = Training::new(other, TINY, Some(one.params()), &source).expect("valid");

@@ -48,7 +48,7 @@ const OPTIMIZERS: &Choices =
   lastlight lirm train --stage 1a --shape-steps 600 --distances 60 --optimizer muon --rate 1e-3 --until 600 --out s1a
                                                             a beginning like that of the included weights
 
-Objects are rendered in memory with the pixels of lirm gen (20 images of 128x128 with 8 samples per pixel); each is in twelve steps, turned about the vertical by a drawn angle (with axes of the first image this changes nothing but rounding). The defaults (adamw, renders from the first step, no signed distances) are not the recipe of the included model: trainings that began with renders hardly used their cameras. Its commands are in reference/weights/README.md. A step of eight objects takes 4 to 5 seconds on two cores of a Zen 4, 7.5 on an Emerald Rapids, 13 on a Zen 1; about one and a half times as long in stages 2a and 2b, and more than twice as long in stage 3: a stage takes hours. Written to --out: model.safetensors (half precision, for --from), a checkpoint, result.json and report/index.html. The number of threads changes the time, not the result.")]
+Objects are rendered in memory with the pixels of lirm gen (20 images of 128x128 with 8 samples per pixel); each is in --uses steps, turned about the vertical by a drawn angle (with axes of the first image this changes nothing but rounding). The defaults (adamw, renders from the first step, no signed distances) are not the recipe of the included model: trainings that began with renders hardly used their cameras. Its commands are in reference/weights/README.md. A step of eight objects takes 4 to 5 seconds on two cores of a Zen 4, 7.5 on an Emerald Rapids, 13 on a Zen 1; about one and a half times as long in stages 2a and 2b, and more than twice as long in stage 3: a stage takes hours. Written to --out: model.safetensors (half precision, for --from), a checkpoint, result.json and report/index.html. The number of threads changes the time, not the result.")]
 pub(crate) struct Args {
     /// Set of lirm gen to train on, 20 images of 128x128 per object [default: built-in objects, rendered in memory]
     #[arg(value_name = "DIR")]
@@ -88,6 +88,9 @@ pub(crate) struct Args {
     /// Emphasise later sets: at least two sets of two to five images per object, and targets that are not in the first set
     #[arg(long)]
     updates: bool,
+    /// Compare albedo as it is, not up to one factor per object
+    #[arg(long)]
+    absolute_albedo: bool,
     /// The model is the mean of the weights over this many last steps [default: the weights after the last step]
     #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
     average_last: u32,
@@ -106,9 +109,12 @@ pub(crate) struct Args {
     /// Objects per step
     #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u8).range(1..=64))]
     batch: u8,
-    /// Objects that are in memory, 23 MB each; the next ones follow after twelve steps of each
+    /// Objects that are in memory, 23 MB each; the next ones follow after --uses steps of each
     #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u16).range(1..=4096))]
     objects_at_once: u16,
+    /// Steps that an object is in; fewer show more objects, which take time to render
+    #[arg(long, value_name = "N", default_value_t = 12, value_parser = clap::value_parser!(u16).range(1..=4096))]
+    uses: u16,
     /// Objects whose gradients are in memory at once; changes no bit [default: all of a step]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=64))]
     gradients_at_once: Option<u8>,
@@ -133,6 +139,7 @@ impl Args {
         }
         stage.room = self.room.unwrap_or(stage.room);
         stage.points = self.points;
+        stage.absolute_albedo = self.absolute_albedo;
         stage.shape_steps = self.shape_steps as usize;
         stage = stage.with_distances(self.distances);
         if self.updates {
@@ -146,6 +153,7 @@ impl Args {
             seed: self.filling.seed,
             batch: usize::from(self.batch),
             block: usize::from(self.objects_at_once),
+            uses: usize::from(self.uses),
             at_once: usize::from(self.gradients_at_once.unwrap_or(self.batch)),
             recompute: self.recompute,
             average_last: self.average_last as usize,

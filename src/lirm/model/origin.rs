@@ -30,6 +30,9 @@ pub struct Part {
     pub batch: usize,
     /// Objects that are in memory at once.
     pub block: usize,
+    /// Batches that an object was in, where it is not twelve.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub uses: Option<usize>,
     /// Where the objects come from.
     pub source: String,
     /// Learning rate after the warm-up, where it is not that of the stage.
@@ -53,6 +56,9 @@ pub struct Part {
     /// Whether draws were those for the second set.
     #[serde(default, skip_serializing_if = "is_false")]
     pub updates: bool,
+    /// Whether albedo was compared as it is.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub absolute_albedo: bool,
     /// Steps at the end over which the weights are averaged.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub average_last: usize,
@@ -147,6 +153,7 @@ mod tests {
             seed: u64::MAX,
             batch: 8,
             block: 200,
+            uses: Some(4),
             source: "a set".to_owned(),
             rate: Some(2e-3),
             head_rate: Some(8.0),
@@ -155,6 +162,7 @@ mod tests {
             distances: 0.1,
             shape_steps: 0,
             updates: false,
+            absolute_albedo: true,
             average_last: 0,
             inverse_beta,
             start: "0123".to_owned(),

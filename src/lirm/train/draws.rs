@@ -1,6 +1,6 @@
 //! Random choices of a training: functions of seed, step and place in the batch.
 
-use super::stage::{Stage, USES, VERSIONS, VIEWS};
+use super::stage::{Stage, VERSIONS, VIEWS};
 use crate::lirm::views::tint;
 use crate::num::rng::Rng;
 
@@ -32,6 +32,8 @@ pub(super) struct Draws<'a> {
     pub(super) batch: usize,
     /// Objects of a block.
     pub(super) block: usize,
+    /// Batches that an object is in.
+    pub(super) uses: usize,
 }
 
 /// The choices for one object of a step.
@@ -65,7 +67,7 @@ impl Draws<'_> {
     /// Block, order within it, and place in the order, of place `j` of a step.
     fn at(&self, step: usize, j: usize) -> [usize; 3] {
         let use_ = step * self.batch + j;
-        let (block, rest) = (use_ / (USES * self.block), use_ % (USES * self.block));
+        let (block, rest) = (use_ / (self.uses * self.block), use_ % (self.uses * self.block));
         [block, rest / self.block, rest % self.block]
     }
 
@@ -89,7 +91,7 @@ impl Draws<'_> {
     pub(super) fn choice(&self, step: usize, j: usize) -> Choice {
         let rng = Rng::new(self.seed);
         let [block, order, at] = self.at(step, j);
-        let objects = rng.permutation(self.block, number(block * USES + order), ORDER);
+        let objects = rng.permutation(self.block, number(block * self.uses + order), ORDER);
         let object = self.stage.first_object + (block * self.block + objects[at]) as u64;
         let u = |draw: u16| rng.uniform_f64(j as u64, number(step), PLACE, draw);
         let below = |draw: u16, n: usize| Ord::min((u(draw) * n as f64) as usize, n - 1);
@@ -148,13 +150,14 @@ impl Choice {
 
 #[cfg(test)]
 mod tests {
+    use super::super::stage::USES;
     use super::*;
     use crate::num::order;
 
     #[test]
     fn every_object_of_a_block_is_in_twelve_batches() {
         let stage = Stage::named("2a").expect("a name");
-        let draws = Draws { seed: 5, stage: &stage, batch: 4, block: 6 };
+        let draws = Draws { seed: 5, stage: &stage, batch: 4, block: 6, uses: USES };
         let mut uses = [0; 6];
         for step in 0..18 {
             assert_eq!(draws.objects(step).len(), 6, "one block");
@@ -193,7 +196,7 @@ mod tests {
     #[test]
     fn targets_are_near_the_first_images() {
         let stage = Stage::named("1a").expect("a name");
-        let choice = Draws { seed: 1, stage: &stage, batch: 1, block: 1 }.choice(0, 0);
+        let choice = Draws { seed: 1, stage: &stage, batch: 1, block: 1, uses: USES }.choice(0, 0);
         let around = |i: usize| {
             let side = if choice.sets[0].contains(&i) || i.is_multiple_of(4) { 1.0 } else { -1.0 };
             [side, 0.001 * i as f32, 0.0]
@@ -208,7 +211,7 @@ mod tests {
         for name in ["1c", "2a"] {
             let stage = Stage::named(name).expect("a name").with_updates();
             stage.validate().expect("valid");
-            let draws = Draws { seed: 5, stage: &stage, batch: 4, block: 6 };
+            let draws = Draws { seed: 5, stage: &stage, batch: 4, block: 6, uses: USES };
             let mut numbers = [0; 4];
             for step in 0..50 {
                 let choice = draws.choice(step, 1);

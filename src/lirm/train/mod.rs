@@ -125,7 +125,7 @@ impl<'a> Training<'a> {
             let got = settings.head_rate.to_string();
             return Err(Error::input("--head-rate").expected("above 0, at most 1 000").got(got));
         }
-        if settings.batch == 0 || settings.at_once == 0 || settings.block == 0 {
+        if [settings.batch, settings.at_once, settings.block, settings.uses].contains(&0) {
             return Err(Error::input("--batch").expected("at least one object").got("none"));
         }
         let whole = Config { is_whole: settings.stage.is_whole || config.is_whole, ..config };
@@ -182,6 +182,7 @@ impl<'a> Training<'a> {
             ("--seed", json!(part.seed), json!(own.seed)),
             ("--batch", json!(part.batch), json!(own.batch)),
             ("--objects-at-once", json!(part.block), json!(own.block)),
+            ("--uses", json!(part.uses), json!(own.uses)),
             ("--optimizer", json!(part.optimizer), json!(own.optimizer)),
             ("objects", json!(part.source), json!(own.source)),
             ("--rate", json!(part.rate), json!(own.rate)),
@@ -189,6 +190,7 @@ impl<'a> Training<'a> {
             ("--room", json!(part.room), json!(own.room)),
             ("--shape-steps", json!(part.shape_steps), json!(own.shape_steps)),
             ("--updates", json!(part.updates), json!(own.updates)),
+            ("--absolute-albedo", json!(part.absolute_albedo), json!(own.absolute_albedo)),
             ("--points", text(part.points), text(own.points)),
             ("--distances", text(part.distances), text(own.distances)),
         ];
@@ -215,6 +217,7 @@ impl<'a> Training<'a> {
             seed: s.seed,
             batch: s.batch,
             block: s.block,
+            uses: Some(s.uses).filter(|n| *n != stage::USES),
             source: self.pool.record(),
             rate: differs(s.stage.rates[0], |named| named.rates[0]),
             head_rate: Some(s.head_rate).filter(|x| *x != 1.0),
@@ -223,6 +226,7 @@ impl<'a> Training<'a> {
             distances: s.stage.distances,
             shape_steps: s.stage.shape_steps,
             updates: s.stage.updates,
+            absolute_albedo: s.stage.absolute_albedo,
             average_last: s.average_last,
             inverse_beta: s.stage.look(self.range[1].saturating_sub(1)).inverse_beta,
             start: self.start.clone(),
@@ -242,7 +246,8 @@ impl<'a> Training<'a> {
     /// # Errors
     /// If one cannot be made.
     pub fn show(&mut self, of: &dyn source::Source) -> Result<()> {
-        let draws = Draws { seed: self.settings.seed, stage: &self.settings.stage, batch: 1, block: 1 };
+        let draws =
+            Draws { seed: self.settings.seed, stage: &self.settings.stage, batch: 1, block: 1, uses: 1 };
         let made =
             par::map(shown::COUNT, |k| Shown::new(of, k as u64, draws.version(k as u64), &self.config));
         self.shown = made.into_iter().collect::<Result<_>>()?;
@@ -379,6 +384,9 @@ impl Fit for Training<'_> {
         }
         all["batch"] = json!(self.settings.batch);
         all["block"] = json!(self.settings.block);
+        if self.settings.uses != stage::USES {
+            all["uses"] = json!(self.settings.uses);
+        }
         all["source"] = json!(self.pool.record());
         all["start"] = json!(self.start);
         if self.range[0] > 0 {
@@ -398,7 +406,7 @@ impl Fit for Training<'_> {
         let i = self.range[0] + i;
         let named = |e: Error| e.at(format!("step {}", i + 1));
         let s = &self.settings;
-        let draws = Draws { seed: s.seed, stage: &s.stage, batch: s.batch, block: s.block };
+        let draws = Draws { seed: s.seed, stage: &s.stage, batch: s.batch, block: s.block, uses: s.uses };
         self.pool.fill(&draws, i).map_err(named)?;
         watch.lap("objects");
         let ready = Ready::new(self.config, &self.params);

@@ -179,7 +179,8 @@ impl Object {
         let mut plan = Plan::new(intervals);
         let out = render::forward(&scene, &mut plan);
         let mut rendered = Rendered::new(&out.values, &out.opacity, scene.channels());
-        let scale = albedo_scale(&self.targets, &self.crops, &rendered);
+        let of_object = || albedo_scale(&self.targets, &self.crops, &rendered);
+        let scale = if stage.absolute_albedo { None } else { of_object() };
         let terms = Terms { weight: weight / self.crops.len() as f32, passes: true, lpips: None, scale };
         let (mut loss, mut first) = (0.0, 0);
         for crop in &self.crops {
@@ -284,7 +285,7 @@ mod tests {
     fn made(stage: &Stage) -> (Object, Field) {
         let source = Rendered::new(0);
         let mut pool = Pool::new(&source);
-        let draws = Draws { seed: 0, stage, batch: 1, block: 1 };
+        let draws = Draws { seed: 0, stage, batch: 1, block: 1, uses: 1 };
         pool.fill(&draws, 0).expect("an object");
         let object = Object::new(&draws, &TINY, 0, 0, &pool).expect("valid");
         let params = first(&TINY, 0);

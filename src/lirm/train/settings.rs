@@ -2,7 +2,7 @@
 
 use super::object::INPUT_TOKENS;
 use super::optimizer::Kind;
-use super::stage::{Stage, USES};
+use super::stage::Stage;
 use crate::lirm::model::config::Config;
 use crate::lirm::model::params::count;
 
@@ -20,9 +20,10 @@ pub struct Settings {
     pub seed: u64,
     /// Objects per step.
     pub batch: usize,
-    /// Objects that are in memory at once: each is in twelve batches, in random order, and then the next ones
-    /// follow.
+    /// Objects that are in memory at once.
     pub block: usize,
+    /// Batches that an object is in, in random order, before the next ones follow.
+    pub uses: usize,
     /// Objects whose gradients are in memory at once; changes no bit.
     pub at_once: usize,
     /// Whether blocks run again in the adjoint instead of keeping what they save; changes no bit.
@@ -55,7 +56,7 @@ impl Settings {
     /// objects, and the first of them is a multiple of the greatest common divisor of batch and uses of a
     /// block.
     fn most_blocks(&self) -> usize {
-        let uses = USES * self.block;
+        let uses = self.uses * self.block;
         let (mut divisor, mut rest) = (uses, self.batch);
         while rest > 0 {
             (divisor, rest) = (rest, divisor % rest);
@@ -73,7 +74,8 @@ mod tests {
     #[test]
     fn a_step_is_in_as_many_blocks_as_its_draws_name() {
         let stage = Stage::named("1a").expect("a name");
-        for (batch, block) in [(8, 200), (8, 1), (7, 2), (7, 1), (12, 1), (24, 1), (64, 1), (1, 3), (5, 4)] {
+        let pairs = [(8, 200), (8, 1), (7, 2), (7, 1), (12, 1), (24, 1), (64, 1), (1, 3), (5, 4)];
+        for ((batch, block), uses) in pairs.into_iter().flat_map(|pair| [12, 5, 1].map(|uses| (pair, uses))) {
             let settings = Settings {
                 stage: stage.clone(),
                 optimizer: Kind::AdamW,
@@ -81,14 +83,15 @@ mod tests {
                 seed: 0,
                 batch,
                 block,
+                uses,
                 at_once: 1,
                 recompute: false,
                 average_last: 0,
             };
-            let draws = Draws { seed: 0, stage: &stage, batch, block };
+            let draws = Draws { seed: 0, stage: &stage, batch, block, uses };
             let of = |step: usize| draws.objects(step).into_iter().collect::<BTreeSet<u64>>().len() / block;
-            let most = (0..USES * block).map(of).fold(0, Ord::max);
-            assert_eq!(settings.most_blocks(), most, "batches of {batch}, blocks of {block}");
+            let most = (0..uses * block).map(of).fold(0, Ord::max);
+            assert_eq!(settings.most_blocks(), most, "batches of {batch}, blocks of {block}, {uses} uses");
         }
     }
 }

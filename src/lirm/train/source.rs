@@ -1,7 +1,7 @@
 //! Objects by index.
 //!
-//! An object is in twelve batches ([`super::stage::USES`]). Objects come in blocks: a block is drawn in
-//! twelve random orders, one after the other, and is then forgotten. A resumed training renders the objects
+//! An object is in as many batches as [`super::Settings::uses`] has, twelve by default. Objects come in blocks:
+//! a block is drawn in that many random orders, one after the other, and is then forgotten. A resumed training renders the objects
 //! of its block again.
 
 use super::distances::Distances;

@@ -27,9 +27,11 @@
 //! along a cosine to the second. 1/β is linear; in stage 1a it doubles while the rate rises, and is linear
 //! from there. With signed distances it goes from 30 to 60 during this warm-up, to 120 until the end of stage
 //! 1a, and stays there until stage 3 ([`Stage::with_distances`]). Stages 2 and 3 train all heads and read
-//! photos; albedo is compared up to one factor per object. Stage 3 compares numerical normals too, takes
-//! samples in occupied cells only, and ends rays that are opaque. Objects of a stage follow those of the one
-//! before.
+//! photos; albedo is compared up to one factor per object, or as it is
+//! (`--absolute-albedo`). From stage 2b on a ray ends where it is opaque.
+//! Stage 3 compares numerical normals too, and takes samples in occupied cells only. Objects of a stage follow
+//! those of the one before; with fewer than twelve batches per object (`--uses`) a stage needs more of them,
+//! and reaches into those of the next.
 //!
 //! In every step the encoded colours of an object are multiplied by a random colour: channel c by (1 −
 //! tint·u_c) over the largest of the three, u uniform in 0..1, times a brightness (0.75 to 1, under a map to
@@ -50,7 +52,7 @@ use serde_json::{Value, json};
 pub const VIEWS: usize = 20;
 /// Pixels per side of an image.
 pub const SIDE: usize = 128;
-/// Batches that an object is in.
+/// Batches that an object is in by default.
 pub const USES: usize = 12;
 /// The warm-up is at most this part of a training.
 const SHORTEST: usize = 4;
@@ -93,6 +95,8 @@ pub struct Stage {
     pub is_whole: bool,
     /// Whether 1/β doubles while the rate rises.
     pub is_first: bool,
+    /// Whether rays end where they are opaque.
+    pub stops: bool,
     /// Whether numerical normals are compared too, and samples are taken in occupied cells only.
     pub is_last: bool,
     /// Index of the first object.
@@ -107,6 +111,8 @@ pub struct Stage {
     pub shape_steps: usize,
     /// Whether draws are those for the second set ([`Self::with_updates`]).
     pub updates: bool,
+    /// Whether albedo is compared as it is, not up to one factor per object.
+    pub absolute_albedo: bool,
 }
 
 /// Names of the stages, in order.
@@ -133,12 +139,14 @@ impl Stage {
             target: [64, 32],
             is_whole: false,
             is_first: name == "1a",
+            stops: false,
             is_last: false,
             first_object,
             points: 0.0,
             distances: 0.0,
             shape_steps: 0,
             updates: false,
+            absolute_albedo: false,
         };
         let whole = |steps, rates, inverse_beta, first_object| Self {
             light: [0.25, 0.375, 0.375],
@@ -154,11 +162,12 @@ impl Stage {
             "1b" => plain(2200, [3.5e-4, 1.2e-4], [40.0, 60.0], 1600),
             "1c" => plain(1800, [1.2e-4, 2e-5], [60.0, 60.0], 3200),
             "2a" => whole(800, [2e-4, 6e-5], [60.0, 80.0], 4500),
-            "2b" => whole(800, [6e-5, 1e-6], [80.0, 100.0], 5200),
+            "2b" => Self { stops: true, ..whole(800, [6e-5, 1e-6], [80.0, 100.0], 5200) },
             "3" => Self {
                 rise: 20,
                 samples: 128,
                 target: [128, 48],
+                stops: true,
                 is_last: true,
                 ..whole(400, [2e-5, 0.0], [100.0, 125.0], 5900)
             },
@@ -276,7 +285,7 @@ impl Stage {
             samples: self.samples,
             inverse_beta: inverse_beta as f32,
             least_weight: Some(LEAST_WEIGHT),
-            early_stop: self.is_last.then_some(EARLY_STOP),
+            early_stop: self.stops.then_some(EARLY_STOP),
         }
     }
 
@@ -298,6 +307,9 @@ impl Stage {
         }
         if self.updates {
             all["updates"] = json!(true);
+        }
+        if self.absolute_albedo {
+            all["absolute_albedo"] = json!(true);
         }
         all
     }

@@ -27,7 +27,7 @@ use lastlight_lirm::model::decode::Look;
 use lastlight_lirm::model::weights::Ready;
 use lastlight_lirm::train::optimizer;
 use lastlight_lirm::train::source::Rendered;
-use lastlight_lirm::train::stage::Stage;
+use lastlight_lirm::train::stage::{Stage, USES};
 use lastlight_lirm::train::{Settings, Training};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -100,6 +100,7 @@ impl Variants<'_> {
             seed: kind.seed,
             batch,
             block,
+            uses: USES,
             at_once: batch,
             recompute: false,
             average_last: steps / 10,
