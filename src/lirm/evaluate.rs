@@ -3,7 +3,7 @@
 //! The protocol is that of the test views ([`data_gen::cameras::test`]): sixteen inputs in four sets of four,
 //! in a random order or around the object, and twelve outputs from other directions. Inputs are read at 64²,
 //! outputs are rendered and compared at 128². Beside the model stand the baselines of [`super::baselines`]
-//! with the inputs so far and, for materials, the means of training objects.
+//! with the inputs so far and, for materials, means and medians of training objects.
 //!
 //! | name | of an output, then mean over outputs | |
 //! |---|---|---|
@@ -17,7 +17,8 @@
 //! | `numerical_normals_deg` | angle of numerical normals | degrees |
 //! | `depth` | absolute difference of depth | units of the object: the ball has the radius ½ |
 //! | `albedo_db`, `mean_albedo_db` | PSNR of albedo after the least-squares scale of each channel; of the mean of training objects | dB |
-//! | `roughness`, `mean_roughness`, `metallic`, `mean_metallic` | absolute error | |
+//! | `roughness`, `metallic` | absolute error | |
+//! | `mean_roughness`, `median_roughness`, `mean_metallic`, `median_metallic` | the same of a constant, the mean or the median of training objects; of constants, the median has the smallest error on their pixels | |
 //! | `distance_radii` | mean distance between the surfaces, samples to triangles | radii of the object |
 //!
 //! # Noise
@@ -81,7 +82,7 @@ pub enum Order {
 pub enum Control {
     /// Nothing.
     None,
-    /// The state is zero before every set after the first.
+    /// The state is zero before every set, which is then read as a first one: in the axes of its own images.
     ZeroedState,
     /// The images of every set have each other's cameras.
     PermutedCameras,
@@ -124,9 +125,10 @@ pub struct Protocol {
     pub sets: usize,
     /// Outputs that are compared, of twelve.
     pub outputs: usize,
-    /// Mean albedo (sRGB-encoded), roughness and metallic of training objects ([`means_of_materials`]);
-    /// `None` leaves the comparison out.
-    pub means: Option<([f32; 3], [f32; 2])>,
+    /// Typical materials of training objects ([`typical_materials`]); `None` leaves the comparison out.
+    pub typical: Option<Typical>,
+    /// Whether the baselines are scored too; two hulls take longer than the model.
+    pub baselines: bool,
     /// Whether surfaces are compared.
     pub shapes: bool,
 }
@@ -144,12 +146,22 @@ pub fn settings(seed: u64, samples: u32) -> Settings {
     }
 }
 
-/// Means of albedo (of linear values, sRGB-encoded), roughness and metallic over the covered pixels of the
-/// first objects of a seed, in a version.
+/// Materials that can be answered without images.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Typical {
+    /// Mean albedo, of linear values, sRGB-encoded.
+    pub albedo: [f32; 3],
+    /// Means of roughness and metallic.
+    pub mean: [f32; 2],
+    /// Medians of both.
+    pub median: [f32; 2],
+}
+
+/// Typical materials over the covered pixels of the first objects of a seed, in a version.
 ///
 /// # Errors
 /// If an object cannot be made.
-pub fn means_of_materials(seed: u64, version: &str) -> Result<([f32; 3], [f32; 2])> {
+pub fn typical_materials(seed: u64, version: &str) -> Result<Typical> {
     let [objects, images] = MEANS;
     let settings = Settings {
         lighting: Lighting::Both,
@@ -161,7 +173,7 @@ pub fn means_of_materials(seed: u64, version: &str) -> Result<([f32; 3], [f32; 2
         ..Settings::default()
     };
     let made = par::map(objects as usize, |k| Views::rendered(&settings, k as u64, version));
-    let (mut sums, mut count) = ([0.0; 5], 0.0);
+    let (mut sums, mut all) = ([0.0; 5], [(); 2].map(|()| Vec::new()));
     for views in made {
         let views = views?;
         for target in (0..views.all.len()).map(|i| views.target(i)) {
@@ -170,14 +182,24 @@ pub fn means_of_materials(seed: u64, version: &str) -> Result<([f32; 3], [f32; 2
             for i in covered {
                 let linear = |x: f32| crate::loss::metric::orb::decode(f64::from(x));
                 (0..3).for_each(|c| sums[c] += linear(albedo[3 * i + c]));
-                (0..2).for_each(|c| sums[3 + c] += f64::from(material[2 * i + c]));
-                count += 1.0;
+                for c in 0..2 {
+                    sums[3 + c] += f64::from(material[2 * i + c]);
+                    all[c].push(material[2 * i + c]);
+                }
             }
         }
     }
-    let mean = sums.map(|s: f64| s / order::max(count, 1.0));
+    let mean = sums.map(|s: f64| s / order::max(all[0].len() as f64, 1.0));
     let encoded = |x: f64| crate::loss::metric::orb::encode(x) as f32;
-    Ok((std::array::from_fn(|c| encoded(mean[c])), std::array::from_fn(|c| mean[3 + c] as f32)))
+    let median = all.map(|mut x| {
+        x.sort_unstable_by(f32::total_cmp);
+        x.get(x.len() / 2).copied().unwrap_or_default()
+    });
+    Ok(Typical {
+        albedo: std::array::from_fn(|c| encoded(mean[c])),
+        mean: std::array::from_fn(|c| mean[3 + c] as f32),
+        median,
+    })
 }
 
 /// The intersection of two foregrounds over their union; 1 if both are empty.
@@ -222,11 +244,10 @@ fn inputs(
 ) -> Result<Vec<Vec<Input>>> {
     let small = views.small(SIDE / INPUT_SIDE)?;
     let other = other.map(|other| other.small(SIDE / INPUT_SIDE)).transpose()?;
-    let at = axes(ready, p, k, views)?;
-    let input = |of: &Views, i: usize, camera: usize| {
+    let input = |of: &Views, at: &Placement, i: usize, camera: usize| {
         let mut view = of.all[i].clone();
         view.picture.camera = of.all[camera].picture.camera.clone();
-        let mut input = Input::of(&view, &at, &ready.config);
+        let mut input = Input::of(&view, at, &ready.config);
         if p.control == Control::SwappedColors {
             let pixels = [&mut input.image, &mut input.photo].map(|x| x.as_chunks_mut::<3>().0);
             pixels.into_iter().flatten().for_each(|pixel| pixel.swap(0, 1));
@@ -239,10 +260,11 @@ fn inputs(
             Control::PermutedCameras => which[(n + 1) % which.len()],
             _ => which[n],
         };
-        which.iter().enumerate().map(|(n, i)| input(of, *i, camera(n))).collect()
+        let at = axes(ready, p, k, views, set)?;
+        Ok(which.iter().enumerate().map(|(n, i)| input(of, &at, *i, camera(n))).collect())
     };
     let order = order_of(p, k);
-    Ok(order.chunks(SET).take(p.sets).enumerate().map(one).collect())
+    order.chunks(SET).take(p.sets).enumerate().map(one).collect()
 }
 
 /// The outputs of an object that are compared.
@@ -259,12 +281,14 @@ fn order_of(p: &Protocol, k: u64) -> Vec<usize> {
     }
 }
 
-/// The place of an object in the axes of the model, from the inputs of the first set.
+/// The place of an object in the axes of the model, from the inputs of the first set; of every set, if the
+/// state is zeroed before it.
 ///
 /// # Errors
 /// When the images do not show which direction is up.
-pub fn axes(ready: &Ready<'_>, p: &Protocol, k: u64, views: &Views) -> Result<Placement> {
-    views.posed(ready.config.pose, &order_of(p, k)[..SET])
+fn axes(ready: &Ready<'_>, p: &Protocol, k: u64, views: &Views, set: usize) -> Result<Placement> {
+    let set = if p.control == Control::ZeroedState { set } else { 0 };
+    views.posed(ready.config.pose, &order_of(p, k)[SET * set..SET * (set + 1)])
 }
 
 /// The images of object k of a seed, multiplied by its random colour.
@@ -300,7 +324,7 @@ pub fn views(
     views: &Views,
     other: Option<&Views>,
 ) -> Result<Scores> {
-    let (order, at) = (order_of(p, k), axes(ready, p, k, views)?);
+    let order = order_of(p, k);
     let mut state = ready.no_state();
     let mut scored = Scores { object: k, rounds: Vec::new(), images: Vec::new() };
     let small = views.small(SIDE / INPUT_SIDE)?;
@@ -313,9 +337,13 @@ pub fn views(
             Control::AtOnce => ready.read(&state, &sets[..=round].concat(), None).0,
             _ => ready.read(&state, set, None).0,
         };
+        let at = axes(ready, p, k, views, round)?;
         let (mut numbers, image) = state_and_image(ready, p, (&state, at), k, views)?;
-        let so_far = |of: &'_ Views| order[..SET * (round + 1)].iter().map(|i| of.all[*i].clone()).collect();
-        numbers.extend(baselines(p, k, views, [so_far(views), so_far(&small)])?);
+        if p.baselines {
+            let so_far =
+                |of: &'_ Views| order[..SET * (round + 1)].iter().map(|i| of.all[*i].clone()).collect();
+            numbers.extend(baselines(p, k, views, [so_far(views), so_far(&small)])?);
+        }
         scored.rounds.push(numbers);
         scored.images.push(image);
     }
@@ -433,16 +461,21 @@ fn output(
         out.insert("color", difference(found, wanted));
         out.insert("gray", difference([brightness; 3], wanted));
     }
-    if let Some((albedo, material)) = p.means.filter(|_| m.albedo_db.is_some()) {
-        let (albedo, material) = (constant(truth, albedo), constant(truth, material));
+    if let Some(typical) = p.typical.filter(|_| m.albedo_db.is_some()) {
         // On the pixels that count for the model.
-        let m = scores::materials(Some(&albedo), Some(&material), &s.images.opacity, truth)?;
-        let of_mean = [
-            ("mean_albedo_db", m.albedo_aligned_db),
-            ("mean_roughness", m.roughness),
-            ("mean_metallic", m.metallic),
+        let of = |material| {
+            let (albedo, material) = (constant(truth, typical.albedo), constant(truth, material));
+            scores::materials(Some(&albedo), Some(&material), &s.images.opacity, truth)
+        };
+        let (mean, median) = (of(typical.mean)?, of(typical.median)?);
+        let of_constants = [
+            ("mean_albedo_db", mean.albedo_aligned_db),
+            ("mean_roughness", mean.roughness),
+            ("mean_metallic", mean.metallic),
+            ("median_roughness", median.roughness),
+            ("median_metallic", median.metallic),
         ];
-        out.extend(of_mean.into_iter().filter_map(|(name, x)| Some((name, x?))));
+        out.extend(of_constants.into_iter().filter_map(|(name, x)| Some((name, x?))));
     }
     Ok((out, s.image.image))
 }

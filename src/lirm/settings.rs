@@ -61,6 +61,8 @@ pub struct Settings {
     pub camera: Model,
     /// Number of images per object and light; the test set has a fixed number.
     pub views: usize,
+    /// Frames of the head-mounted camera, which has ten per second, from one image to the next.
+    pub every: usize,
     /// Side of an image in pixels.
     pub size: usize,
     /// Whether training views contain the whole object.
@@ -95,6 +97,7 @@ impl Default for Settings {
             set: Set::Train,
             camera: Model::Fisheye,
             views: 32,
+            every: 1,
             size: 256,
             framing: Framing::Loose,
             samples: 64,
@@ -123,6 +126,8 @@ impl Settings {
                 .got(x.to_string()))
         };
         within("views", self.views, 1, 100_000)?;
+        within("every", self.every, 1, 1000)?;
+        within("frames", self.views * self.every, 1, 100_000)?;
         within("size", self.size, 8, 4096)?;
         within("texture", self.texture, 32, 4096)?;
         within("map_width", self.map_width, 8, 8192)?;
@@ -202,6 +207,7 @@ impl Settings {
             ("seed", json!(self.seed)),
         ];
         let axes = self.axes.then(|| ("axes", json!(true)));
-        Ok(entries.into_iter().chain(axes).map(|(k, v)| (k.to_owned(), v)).collect())
+        let every = (self.every != 1).then(|| ("every", json!(self.every)));
+        Ok(entries.into_iter().chain(axes).chain(every).map(|(k, v)| (k.to_owned(), v)).collect())
     }
 }

@@ -58,11 +58,28 @@ pub(super) fn shots(settings: &Settings, k: u64) -> (Vec<Shot>, Option<Value>) {
                     extra: Map::from_iter([("time_s".to_owned(), json!(m.time))]),
                 }
             };
-            let mut frames = cameras::head(settings.seed, k, settings.views, settings.size);
+            let all = cameras::head(settings.seed, k, settings.views * settings.every, settings.size);
+            let mut frames: Vec<_> = all.into_iter().step_by(settings.every).collect();
             if settings.camera == Model::Pinhole {
                 frames = frames.into_iter().map(cameras::Moving::through_pinhole).collect();
             }
             (frames.iter().enumerate().map(shot).collect(), None)
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_moving_camera_can_show_one_frame_in_several() {
+        let of = |views: usize, every: usize| {
+            shots(&Settings { set: Set::Egocentric, views, every, size: 32, ..Settings::default() }, 3).0
+        };
+        let (all, some) = (of(24, 1), of(3, 8));
+        let cameras = |shots: &[Shot]| shots.iter().map(|s| s.camera.clone()).collect::<Vec<_>>();
+        assert_eq!(cameras(&some), [0, 8, 16].map(|i| all[i].camera.clone()), "the same motion");
+        assert_eq!(some[2].extra["time_s"], json!(1.6));
     }
 }

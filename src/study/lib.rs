@@ -4,7 +4,7 @@
 pub mod last;
 pub mod lirm;
 
-use lastlight_import::scene;
+use lastlight_import::{io, scene};
 use lastlight_kernels::{loss, shade};
 use lastlight_num::{Error, Result, math, num};
 use lastlight_train::{experiment, fit};

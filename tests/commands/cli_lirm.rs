@@ -130,7 +130,7 @@ fn an_egocentric_set_takes_either_camera() {
 #[test]
 fn what_makes_no_sense_is_refused() {
     let dir = tempfile::tempdir().expect("a folder");
-    let cases: [(&[&str], &[&str]); 11] = [
+    let cases: [(&[&str], &[&str]); 12] = [
         (&[], &["required arguments"]),
         (&["--out", "x", "--views", "0"], &["views"]),
         (&["--out", "x", "--size", "4"], &["size"]),
@@ -139,6 +139,7 @@ fn what_makes_no_sense_is_refused() {
         (&["--out", "x", "--cameras", "some"], &["--cameras"]),
         (&["--out", "x", "--shiny"], &["shiny", "environment"]),
         (&["--out", "x", "--lens", "pinhole"], &["--lens", "egocentric", "train"]),
+        (&["--out", "x", "--every", "4"], &["--every", "egocentric", "train"]),
         (&["--out", "x", "--cameras", "egocentric", "--lens", "orthographic"], &["--lens"]),
         (&["--out", "x", "--resume", "--force"], &["--resume"]),
         (&["--out", "x", "--lighting", "environment", "--env-axes", "up"], &["--env-axes"]),

@@ -5,9 +5,7 @@ use data_gen::cameras;
 use lastlight::fit::field::benchmark::Shape;
 use lastlight::fit::field::mesh;
 use lastlight::lirm::baselines::{Hull, nearest};
-use lastlight::lirm::evaluate::{
-    Control, Order, Protocol, SET, axes, object, settings, state, views as scores,
-};
+use lastlight::lirm::evaluate::{Control, Order, Protocol, SET, object, settings, state, views as scores};
 use lastlight::lirm::r#gen::Settings;
 use lastlight::lirm::model::config::Config;
 use lastlight::lirm::model::decode::Look;
@@ -31,7 +29,8 @@ fn protocol() -> Protocol {
         control: Control::None,
         sets: 1,
         outputs: 1,
-        means: None,
+        typical: None,
+        baselines: true,
         shapes: true,
     }
 }
@@ -94,11 +93,11 @@ fn surfaces_are_compared_in_the_world() {
     assert!((there - unmoved).abs() > 0.05, "{there} and {unmoved} differ");
 }
 
-/// The images of the first two sets as a model reads them, with the axes of the first set.
-fn two_sets(ready: &Ready<'_>, p: &Protocol, views: &Views) -> (Placement, [Vec<Input>; 2]) {
-    let at = axes(ready, p, 0, views).expect("upright");
-    let small = views.small(2).expect("even sides");
+/// The images of the first two sets as a model reads them, with the axes of set `first`.
+fn two_sets(ready: &Ready<'_>, p: &Protocol, views: &Views, first: usize) -> (Placement, [Vec<Input>; 2]) {
     let order = cameras::test(p.set.seed, 0, p.set.size).inputs;
+    let at = views.posed(ready.config.pose, &order[SET * first..SET * (first + 1)]).expect("upright");
+    let small = views.small(2).expect("even sides");
     let set = |n: usize| {
         order[SET * n..SET * (n + 1)].iter().map(|i| Input::of(&small.all[*i], &at, &ready.config)).collect()
     };
@@ -112,14 +111,17 @@ fn controls_break_what_they_name_and_nothing_else() {
     let p = Protocol { shapes: false, sets: 2, ..protocol() };
     let views = Views::rendered(&p.set, 0, "uniform").expect("an object");
     let other = Views::rendered(&p.set, 1, "uniform").expect("another object");
-    let (at, sets) = two_sets(&ready, &p, &views);
-    let (_, others) = two_sets(&ready, &p, &other);
+    let (at, sets) = two_sets(&ready, &p, &views, 0);
+    let (_, others) = two_sets(&ready, &p, &other, 0);
+    let (at_second, in_second) = two_sets(&ready, &p, &views, 1);
+    assert_ne!(at, at_second, "every set has its own axes");
     let of = |control: Control| {
         let p = Protocol { control, ..p.clone() };
         scores(&ready, &p, 0, &views, (control == Control::OtherObject).then_some(&other)).expect("finite")
     };
     // The scores of a state that is made by hand.
-    let by_hand = |tokens: &[f32]| state(&ready, &p, (tokens, at), 0, &views).expect("finite")["psnr_db"];
+    let placed = |tokens: &[f32], at| state(&ready, &p, (tokens, at), 0, &views).expect("finite")["psnr_db"];
+    let by_hand = |tokens: &[f32]| placed(tokens, at);
     let none = ready.no_state();
     let read = |before: &[f32], set: &[Input]| ready.read(before, set, None).0;
     let one = read(&none, &sets[0]);
@@ -127,7 +129,12 @@ fn controls_break_what_they_name_and_nothing_else() {
     assert_eq!(db(Control::None, 0), by_hand(&one));
     assert_eq!(db(Control::None, 1), by_hand(&read(&one, &sets[1])), "the second set after the first");
     assert_eq!(db(Control::ZeroedState, 0), by_hand(&one));
-    assert_eq!(db(Control::ZeroedState, 1), by_hand(&read(&none, &sets[1])), "the second set alone");
+    let alone = read(&none, &in_second[1]);
+    assert_eq!(
+        db(Control::ZeroedState, 1),
+        placed(&alone, at_second),
+        "the second set alone, as a first one"
+    );
     assert_eq!(db(Control::OtherObject, 0), by_hand(&one));
     assert_eq!(
         db(Control::OtherObject, 1),

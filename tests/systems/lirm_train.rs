@@ -196,6 +196,7 @@ fn a_stage_goes_on_after_its_first_part() {
         assert!(e.contains("--until") && e.contains("4 to 40"), "{e}");
     }
     let shape = Stage { shape_steps: 40, ..settings("1a", 40).stage.with_distances(1.0) };
+    let materials = Stage { material: 10.0, ..settings("1a", 40).stage };
     let absolute = Stage { absolute_albedo: true, ..settings("1a", 40).stage };
     for (name, other) in [
         ("--seed", Settings { seed: 1, ..settings("1a", 40) }),
@@ -207,6 +208,7 @@ fn a_stage_goes_on_after_its_first_part() {
         ("--room", Settings { stage: Stage { room: 0.0, ..settings("1a", 40).stage }, ..settings("1a", 40) }),
         ("--shape-steps", Settings { stage: shape, ..settings("1a", 40) }),
         ("--head-rate", Settings { head_rate: 2.0, ..settings("1a", 40) }),
+        ("--material-weight", Settings { stage: materials, ..settings("1a", 40) }),
         ("--absolute-albedo", Settings { stage: absolute, ..settings("1a", 40) }),
         ("--updates", Settings { stage: settings("1a", 40).stage.with_updates(), ..settings("1a", 40) }),
     ] {

@@ -28,7 +28,7 @@ const ORDERS: &Choices =
     &[("random", "in a random order"), ("sequential", "around the object: every set shows one side")];
 
 /// Numbers that are printed: name, title, digits.
-const COLUMNS: [(&str, &str, usize); 21] = [
+const COLUMNS: [(&str, &str, usize); 23] = [
     ("psnr_db", "PSNR", 2),
     ("hull_db", "hull", 2),
     ("small_hull_db", "hull 64²", 2),
@@ -47,15 +47,20 @@ const COLUMNS: [(&str, &str, usize); 21] = [
     ("mean_albedo_db", "of mean", 2),
     ("roughness", "roughness", 3),
     ("mean_roughness", "of mean", 3),
+    ("median_roughness", "of median", 3),
     ("metallic", "metallic", 3),
     ("mean_metallic", "of mean", 3),
+    ("median_metallic", "of median", 3),
     ("depth", "depth", 4),
 ];
 
 /// Values of `--control`.
 const CONTROLS: &Choices = &[
     ("none", "nothing is broken"),
-    ("zeroed-state", "the state is zero before every set after the first"),
+    (
+        "zeroed-state",
+        "before every set after the first the state is zero, and the set is read in the axes of its own images",
+    ),
     ("permuted-cameras", "the images of every set have each other's cameras"),
     ("other-object", "from the second set on, the images show another object"),
     ("swapped-colors", "red and green of all images are exchanged"),
@@ -69,7 +74,7 @@ const CONTROLS: &Choices = &[
   lastlight lirm eval s1c --seed 1 --objects 8              for comparing trainings
   lastlight lirm eval s3 --light environment --input-order sequential
 
-Every object has 48 views (lirm gen --cameras test): 16 inputs in four sets, read at 64x64, and 12 outputs, compared at 128x128. Baselines, all with the true foregrounds: the nearest input image; the visual hull of the inputs with their mean colours, from 128x128 (hull), from the 64x64 that the model reads (hull 64²), and the former blurred by one pixel (blurred). Materials count where the object covers a pixel and the model is opaque, beside the means of training objects. PSNR in dB over white; RFD, a distance of responses to random filters (not LPIPS); IoU of foregrounds; colour, the error of the mean colour, beside that of a grey of the true brightness; normals in degrees; depth, the mean absolute difference in units in which the object's ball has the radius ½; with --shapes, surface, the mean distance of the surfaces in radii of the object, and found, the share of objects that have a surface; means over outputs, then objects.")]
+Every object has 48 views (lirm gen --cameras test): 16 inputs in four sets, read at 64x64, and 12 outputs, compared at 128x128. Baselines, all with the true foregrounds: the nearest input image; the visual hull of the inputs with their mean colours, from 128x128 (hull), from the 64x64 that the model reads (hull 64²), and the former blurred by one pixel (blurred). Materials count where the object covers a pixel and the model is opaque, beside means and medians of training objects. PSNR in dB over white; RFD, a distance of responses to random filters (not LPIPS); IoU of foregrounds; colour, the error of the mean colour, beside that of a grey of the true brightness; normals in degrees; depth, the mean absolute difference in units in which the object's ball has the radius ½; with --shapes, surface, the mean distance of the surfaces in radii of the object, and found, the share of objects that have a surface; means over outputs, then objects.")]
 pub(crate) struct Args {
     /// Model, or the folder of a training [default: the included model]
     #[arg(value_name = "FILE")]
@@ -139,7 +144,8 @@ pub(super) fn run(args: &Args) -> Result<()> {
         },
         sets: usize::from(args.sets),
         outputs: 12,
-        means: model.config.is_whole.then(|| evaluate::means_of_materials(0, &args.light)).transpose()?,
+        typical: model.config.is_whole.then(|| evaluate::typical_materials(0, &args.light)).transpose()?,
+        baselines: true,
         shapes: args.shapes,
     };
     meter.lap("reading");

@@ -81,6 +81,9 @@ pub(crate) struct Args {
     /// Images per object and light, of train and egocentric
     #[arg(long, value_name = "N", default_value_t = 32)]
     views: usize,
+    /// Frames of egocentric cameras, which have ten per second, from one image to the next [default: 1]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1000))]
+    every: Option<u16>,
     /// Size of the images, which are square: S, or SxS
     #[arg(long, value_name = "S|WxH", default_value = "256", value_parser = choices::square)]
     size: usize,
@@ -116,6 +119,14 @@ impl Args {
                 .got(format!("--cameras {}", self.cameras))
                 .hint(format!("other cameras are pinhole cameras; leave out --lens {lens}")));
         }
+        if let Some(n) = self.every
+            && self.cameras != "egocentric"
+        {
+            return Err(Error::input("--every")
+                .expected("--cameras egocentric")
+                .got(format!("--cameras {}", self.cameras))
+                .hint(format!("other cameras do not move; leave out --every {n}")));
+        }
         let fine = (2 * self.size).clamp(128, 1024);
         let (axes, maps): (Vec<_>, Vec<_>) = self.env.iter().cloned().partition(|m| m == Path::new("axes"));
         if self.env_width.is_some() && self.lighting == "uniform" {
@@ -145,6 +156,7 @@ impl Args {
             },
             camera: if self.lens.as_deref() == Some("pinhole") { Model::Pinhole } else { Model::Fisheye },
             views: self.views,
+            every: usize::from(self.every.unwrap_or(1)),
             size: self.size,
             framing: if self.framing == "whole" { Framing::Whole } else { Framing::Loose },
             samples: self.samples,

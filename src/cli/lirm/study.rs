@@ -6,6 +6,7 @@ use crate::choices::{Choices, choices};
 use crate::claim;
 use crate::experiment::{Experiment, RunOptions};
 use crate::experiments::{self as engine, Study};
+use crate::io::memory;
 use crate::meter::Meter;
 use crate::shared::ForceArgs;
 use lastlight_lirm::model::file::digest;
@@ -23,10 +24,10 @@ const EXPERIMENTS: &Choices = &[
     ("curve", "scores over the training, and what twice as much would add; from the results of stages"),
     ("rounds", "random and sequential order of the inputs, beside nearest input and visual hull"),
     ("controls", "state zeroed, cameras permuted, another object"),
-    ("materials", "albedo, roughness and metallic beside the means of training objects"),
-    ("relit", "meshes of reconstructions under another light, beside the truth"),
     ("added", "an object that is added between two sets"),
     ("head", "a head-mounted camera through a fisheye and a pinhole"),
+    ("materials", "albedo, roughness and metallic beside means and medians of training objects"),
+    ("relit", "meshes of reconstructions under another light, beside the truth"),
     ("limits", "mirrors and fine lettering"),
     ("occupancy", "samples that a grid saves"),
     ("variants", "planes, directional embedding and updates: five trainings"),
@@ -50,7 +51,7 @@ enum Command {
   lastlight lirm study rounds controls --out trial --scale quick
   lastlight lirm study --out study --resume                       continue an interrupted study
 
-`lirm study list` lists the experiments. Objects are those of seed 2; models are trained with seed 0, one of the variants with seed 3. Variants trains five small models of 1 250 steps each: hours on two cores. Every cell (a model and an object, or a training) is a file in --out; reports are made from these files. Written to --out: study.json, one CSV per experiment and report/index.html.")]
+`lirm study list` lists the experiments. Objects are those of seed 2; models are trained with seed 0, one of the variants with seed 3. Variants trains five small models of 1 250 steps each: hours on two cores. Every cell (a model and an object, or a training) is a file in --out; reports are made from these files. Written to --out: study.json, one CSV per experiment, the trainings of variants and report/index.html.")]
 #[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 pub(crate) struct Args {
     #[command(subcommand)]
@@ -101,10 +102,10 @@ fn all<'a>(setup: &'a Setup, dir: &Path) -> Vec<Box<dyn Experiment + 'a>> {
         Box::new(curve::curve(setup)),
         Box::new(scoring::rounds(setup)),
         Box::new(scoring::controls(setup)),
-        Box::new(scoring::materials(setup)),
-        Box::new(relit::relit(setup)),
         Box::new(scenes::added(setup)),
         Box::new(scenes::head(setup)),
+        Box::new(scoring::materials(setup)),
+        Box::new(relit::relit(setup)),
         Box::new(limits::limits(setup)),
         Box::new(occupancy::occupied(setup)),
         Box::new(variants::variants(setup, dir)),
@@ -120,6 +121,14 @@ fn study(args: &Args, out: &Path) -> Result<()> {
         .map(|path| Ok(Named::new(weights::model(path, &meter)?.0)))
         .collect::<Result<_>>()?;
     let setup = Setup::new(args.size(), models)?;
+    if !args.report_only {
+        let needs_training = args.ids.is_empty() || args.ids.iter().any(|id| id == variants::ID);
+        let training = if needs_training { variants::memory(&setup)? } else { 0 };
+        memory::check("lirm study", setup.memory() + training).map_err(|e| match needs_training {
+            true => e.hint("variants needs most; other experiments can be named"),
+            false => e,
+        })?;
+    }
     let dir = claim::folder(out, args.resume, args.replace.force)?;
     // A cell uses all threads: several would only share the images of an object.
     let options = RunOptions { command: "lirm study", report_only: args.report_only, jobs: 1 };

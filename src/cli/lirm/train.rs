@@ -91,6 +91,9 @@ pub(crate) struct Args {
     /// Compare albedo as it is, not up to one factor per object
     #[arg(long)]
     absolute_albedo: bool,
+    /// Factor on the weight of roughness and metallic
+    #[arg(long, value_name = "X", default_value_t = 1.0)]
+    material_weight: f32,
     /// The model is the mean of the weights over this many last steps [default: the weights after the last step]
     #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
     average_last: u32,
@@ -140,6 +143,7 @@ impl Args {
         stage.room = self.room.unwrap_or(stage.room);
         stage.points = self.points;
         stage.absolute_albedo = self.absolute_albedo;
+        stage.material = self.material_weight;
         stage.shape_steps = self.shape_steps as usize;
         stage = stage.with_distances(self.distances);
         if self.updates {

@@ -59,6 +59,9 @@ pub struct Part {
     /// Whether albedo was compared as it is.
     #[serde(default, skip_serializing_if = "is_false")]
     pub absolute_albedo: bool,
+    /// Weight of roughness and metallic, where it is not 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub material: Option<f32>,
     /// Steps at the end over which the weights are averaged.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub average_last: usize,
@@ -163,6 +166,7 @@ mod tests {
             shape_steps: 0,
             updates: false,
             absolute_albedo: true,
+            material: Some(10.0),
             average_last: 0,
             inverse_beta,
             start: "0123".to_owned(),

@@ -191,6 +191,7 @@ impl<'a> Training<'a> {
             ("--shape-steps", json!(part.shape_steps), json!(own.shape_steps)),
             ("--updates", json!(part.updates), json!(own.updates)),
             ("--absolute-albedo", json!(part.absolute_albedo), json!(own.absolute_albedo)),
+            ("--material-weight", text(part.material.unwrap_or(1.0)), text(own.material.unwrap_or(1.0))),
             ("--points", text(part.points), text(own.points)),
             ("--distances", text(part.distances), text(own.distances)),
         ];
@@ -227,6 +228,7 @@ impl<'a> Training<'a> {
             shape_steps: s.stage.shape_steps,
             updates: s.stage.updates,
             absolute_albedo: s.stage.absolute_albedo,
+            material: Some(s.stage.material).filter(|x| *x != 1.0),
             average_last: s.average_last,
             inverse_beta: s.stage.look(self.range[1].saturating_sub(1)).inverse_beta,
             start: self.start.clone(),

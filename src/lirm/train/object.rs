@@ -181,7 +181,13 @@ impl Object {
         let mut rendered = Rendered::new(&out.values, &out.opacity, scene.channels());
         let of_object = || albedo_scale(&self.targets, &self.crops, &rendered);
         let scale = if stage.absolute_albedo { None } else { of_object() };
-        let terms = Terms { weight: weight / self.crops.len() as f32, passes: true, lpips: None, scale };
+        let terms = Terms {
+            weight: weight / self.crops.len() as f32,
+            passes: true,
+            material: stage.material,
+            lpips: None,
+            scale,
+        };
         let (mut loss, mut first) = (0.0, 0);
         for crop in &self.crops {
             loss += terms.add(&self.targets[crop.view], crop, first, None, &mut rendered)?;

@@ -113,6 +113,8 @@ pub struct Stage {
     pub updates: bool,
     /// Whether albedo is compared as it is, not up to one factor per object.
     pub absolute_albedo: bool,
+    /// Factor on the weight of roughness and metallic.
+    pub material: f32,
 }
 
 /// Names of the stages, in order.
@@ -147,6 +149,7 @@ impl Stage {
             shape_steps: 0,
             updates: false,
             absolute_albedo: false,
+            material: 1.0,
         };
         let whole = |steps, rates, inverse_beta, first_object| Self {
             light: [0.25, 0.375, 0.375],
@@ -224,7 +227,9 @@ impl Stage {
         if !(0.0..1.0).contains(&self.room) {
             return refuse("--room", "0 or more, below 1", self.room.to_string());
         }
-        for (name, weight) in [("--points", self.points), ("--distances", self.distances)] {
+        for (name, weight) in
+            [("--points", self.points), ("--distances", self.distances), ("--material-weight", self.material)]
+        {
             if !(0.0..=1e4).contains(&weight) {
                 return refuse(name, "0 to 10 000", weight.to_string());
             }
@@ -308,8 +313,14 @@ impl Stage {
         if self.updates {
             all["updates"] = json!(true);
         }
+        if self.stops && !self.is_last {
+            all["stops"] = json!(true);
+        }
         if self.absolute_albedo {
             all["absolute_albedo"] = json!(true);
+        }
+        if self.material != 1.0 {
+            all["material"] = json!(self.material);
         }
         all
     }

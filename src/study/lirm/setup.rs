@@ -1,12 +1,14 @@
 //! What the experiments share.
 
-use crate::experiment::{Summary, Values};
+use crate::experiment::{Cell, Experiment, Summary, Values};
+use crate::io::memory;
 use crate::num::elem::f64 as elem;
 use crate::num::order;
 use crate::{Error, Result};
-use lastlight_lirm::evaluate::{Control, Numbers, Order, Protocol, means_of_materials, settings};
+use lastlight_lirm::evaluate::{Control, Numbers, Order, Protocol, Typical, settings, typical_materials};
 use lastlight_lirm::model::decode::Look;
 use lastlight_lirm::model::file::{Model, digest};
+use lastlight_lirm::model::params::count;
 use lastlight_lirm::subject::Subject;
 use lastlight_lirm::views::Views;
 use serde_json::{Value, json};
@@ -15,8 +17,21 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 /// Seed of the objects that are scored: trainings have 0, choices 1.
 pub const SEED: u64 = 2;
-/// Objects whose images are kept: cells with the same object follow each other.
-const KEPT: usize = 4;
+/// Objects whose images are kept, at least and at most: cells with the same object follow each other, and
+/// experiments use the same objects.
+const KEPT: [u64; 2] = [4, 52];
+/// Bytes of the 48 images of an object of 128² pixels: colours, photo, foreground and passes, without radiance.
+const OBJECT_BYTES: u64 = 54 << 20;
+/// Part of the memory limit that images may take.
+const PART: u64 = 4;
+/// Counts changes of what the cells compute: results of another number are not used again.
+pub(super) const REVISION: u32 = 2;
+
+/// Objects whose images are kept under the limit of memory.
+fn most_kept() -> u64 {
+    let [least, most] = KEPT;
+    (memory::limit() / PART / OBJECT_BYTES).clamp(least, most)
+}
 
 /// Sizes of the runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -67,8 +82,6 @@ impl Named {
     }
 }
 
-/// Mean albedo, roughness and metallic.
-type Means = ([f32; 3], [f32; 2]);
 /// The images of objects that were made last, by number and kind.
 type Kept = Vec<((u64, String), Arc<Views>)>;
 
@@ -80,7 +93,7 @@ pub struct Setup {
     /// The model that is scored is the last.
     pub models: Vec<Named>,
     kept: Mutex<Kept>,
-    means: Mutex<BTreeMap<String, Means>>,
+    typical: Mutex<BTreeMap<String, Typical>>,
 }
 
 impl Setup {
@@ -100,7 +113,7 @@ impl Setup {
                 model.name += &format!(" ({})", before + 1);
             }
         }
-        Ok(Self { size, models, kept: Mutex::default(), means: Mutex::default() })
+        Ok(Self { size, models, kept: Mutex::default(), typical: Mutex::default() })
     }
 
     /// The model that is scored.
@@ -118,7 +131,8 @@ impl Setup {
             control: Control::None,
             sets: 4,
             outputs: self.size.outputs,
-            means: None,
+            typical: None,
+            baselines: false,
             shapes: false,
         }
     }
@@ -133,9 +147,12 @@ impl Setup {
         if let Some(views) = find(&self.kept.lock().unwrap_or_else(PoisonError::into_inner)) {
             return Ok(views);
         }
-        let views = Arc::new(made()?);
+        let mut views = made()?;
+        // No experiment compares it here.
+        views.all.iter_mut().for_each(|view| view.picture.passes.radiance = None);
+        let views = Arc::new(views);
         let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
-        if kept.len() >= KEPT {
+        if kept.len() as u64 >= most_kept() {
             kept.remove(0);
         }
         kept.push((key, views.clone()));
@@ -151,18 +168,24 @@ impl Setup {
         self.images(k, version, || Views::rendered(&set, k, version))
     }
 
-    /// Means of the materials of training objects.
+    /// Typical materials of training objects.
     ///
     /// # Errors
     /// Those of the rendering.
-    pub fn means(&self, version: &str) -> Result<Means> {
-        let mut all = self.means.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(means) = all.get(version) {
-            return Ok(*means);
+    pub fn typical(&self, version: &str) -> Result<Typical> {
+        let mut all = self.typical.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(typical) = all.get(version) {
+            return Ok(*typical);
         }
-        let means = means_of_materials(0, version)?;
-        all.insert(version.to_owned(), means);
-        Ok(means)
+        let typical = typical_materials(0, version)?;
+        all.insert(version.to_owned(), typical);
+        Ok(typical)
+    }
+
+    /// The bytes that models and the images of objects need.
+    pub fn memory(&self) -> u64 {
+        let weights = self.models.iter().fold(0, |sum, m| sum + 4 * count(&m.model.config) as u64);
+        weights + most_kept() * OBJECT_BYTES
     }
 
     /// Object `k` of the test set.
@@ -178,10 +201,15 @@ impl Setup {
         json!({
             "model": digest(&model.params), "configuration": model.config.json(), "inverse_beta": model.inverse_beta(),
             "samples": self.size.samples, "outputs": self.size.outputs, "steps": self.size.steps,
-            "seed": SEED,
+            "seed": SEED, "revision": REVISION,
             "lastlight": env!("CARGO_PKG_VERSION"),
         })
     }
+}
+
+/// Whether all cells have results: a criterion is not evaluated on a part of them.
+pub(super) fn is_complete(x: &dyn Experiment, results: &[(Cell, Values)]) -> bool {
+    results.len() == x.cells().len()
 }
 
 /// Numbers of all rounds as values of a cell, `NAME_1` and so on.
@@ -200,6 +228,9 @@ pub fn shown(s: &Summary, digits: usize) -> String {
         _ => format!("{:.digits$} ± {:.digits$}", s.mean, s.half_width),
     }
 }
+
+/// Fewest pixels of an image that are scored by themselves.
+pub(super) const FEWEST: usize = 20;
 
 /// The mean squared difference of the colours of some pixels; `None` without any.
 pub(super) fn square_error(image: &[f32], truth: &[f32], pixels: &[usize]) -> Option<f64> {

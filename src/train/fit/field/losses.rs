@@ -79,6 +79,8 @@ pub struct Terms<'a> {
     pub weight: f32,
     /// Whether passes of albedo, materials and normals are read.
     pub passes: bool,
+    /// Factor on the weight of roughness and metallic.
+    pub material: f32,
     /// Weights of LPIPS; without them the structural similarity is compared.
     pub lpips: Option<&'a Weights>,
     /// Factor of linear albedo ([`albedo_scale`]); `None` compares albedo as it is.
@@ -217,7 +219,8 @@ impl Terms<'_> {
         sum += loss;
         if let (Some(at), Some(truth)) = (material, of_material) {
             let (x, y) = (out.picked(rays.clone(), at, 2), of(truth, 2));
-            let (loss, bar) = self.square(&In { x: &x, y: &y, mask, height, width }, MATERIAL)?;
+            let (loss, bar) =
+                self.square(&In { x: &x, y: &y, mask, height, width }, self.material * MATERIAL)?;
             out.put(rays.clone(), at, 2, &bar);
             sum += loss;
         }
@@ -256,7 +259,7 @@ mod tests {
         (0..n).map(|i| 0.1 + 0.8 * rng.uniform_f32(i as u64, 0, 1, 0)).collect()
     }
 
-    const TERMS: Terms<'_> = Terms { weight: 0.5, passes: true, lpips: None, scale: None };
+    const TERMS: Terms<'_> = Terms { weight: 0.5, passes: true, material: 1.0, lpips: None, scale: None };
 
     /// Values over white, opacities, and true albedo.
     fn images() -> [Vec<f32>; 3] {

@@ -187,6 +187,7 @@ impl<'a> FieldFit<'a> {
         let terms = losses::Terms {
             weight: 1.0 / batch.crops.len() as f32,
             passes: s.materials != Materials::Shaded,
+            material: 1.0,
             lpips: self.lpips.map(|m| &m.weights),
             scale: None,
         };
