@@ -100,7 +100,8 @@ fn the_shipped_model_of_objects_is_the_recorded_one() {
 
 /// The first step of a stage with the options of its training, or of trainings to come, and eight objects in memory.
 fn first_step(stage: &'static str) -> Vec<&'static str> {
-    let listed = commands("lirm train").into_iter().find(|words| words.contains(&stage));
+    let is_of = |words: &Vec<&str>| words.windows(2).any(|pair| pair == ["--stage", stage]);
+    let listed = commands("lirm train").into_iter().find(is_of);
     let words = listed.unwrap_or_else(|| {
         vec!["lirm", "train", "--stage", stage, "--optimizer", "muon", "--distances", "600", "--updates"]
     });

@@ -219,8 +219,8 @@ impl Terms<'_> {
         sum += loss;
         if let (Some(at), Some(truth)) = (material, of_material) {
             let (x, y) = (out.picked(rays.clone(), at, 2), of(truth, 2));
-            let (loss, bar) =
-                self.square(&In { x: &x, y: &y, mask, height, width }, self.material * MATERIAL)?;
+            let factor = self.material * MATERIAL;
+            let (loss, bar) = self.square(&In { x: &x, y: &y, mask, height, width }, factor)?;
             out.put(rays.clone(), at, 2, &bar);
             sum += loss;
         }
