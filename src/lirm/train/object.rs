@@ -293,9 +293,10 @@ mod tests {
         let mut pool = Pool::new(&source);
         let draws = Draws { seed: 0, stage, batch: 1, block: 1, uses: 1 };
         pool.fill(&draws, 0).expect("an object");
-        let object = Object::new(&draws, &TINY, 0, 0, &pool).expect("valid");
-        let params = first(&TINY, 0);
-        let ready = Ready::new(TINY, &params);
+        let config = Config { is_whole: stage.is_whole, ..TINY };
+        let object = Object::new(&draws, &config, 0, 0, &pool).expect("valid");
+        let params = first(&config, 0);
+        let ready = Ready::new(config, &params);
         let (state, _) = ready.read(&ready.no_state(), &object.sets[0], None);
         let mut field = ready.decode(&state, stage.look(0), object.placement);
         // Larger texels, so that the signed distance is not the sphere alone.
@@ -332,6 +333,36 @@ mod tests {
             losses.push(drawn.loss);
         }
         assert!(losses[1..].iter().all(|x| *x > losses[0]), "both terms count: {losses:?}");
+    }
+
+    #[test]
+    fn materials_have_a_factor_and_albedo_is_compared_as_it_is_or_not() {
+        let whole = Stage {
+            inverse_beta: [200.0; 2],
+            samples: 64,
+            target: [64, 16],
+            ..Stage::named("2a").expect("a name")
+        };
+        let (object, field) = made(&whole);
+        let of = |stage: &Stage| object.losses(&field, 1.0, stage).expect("finite");
+        let [none, one, three] =
+            [0.0, 1.0, 3.0].map(|material| of(&Stage { material, ..whole.clone() }).loss);
+        let own = one - none;
+        assert!(own > 1e-3 && (three - none - 3.0 * own).abs() < 1e-3 * own, "{none} {one} {three}");
+        let absolute = Stage { absolute_albedo: true, material: 3.0, ..whole.clone() };
+        let drawn = of(&absolute);
+        assert!((drawn.loss - three).abs() > 1e-3, "{} {three}", drawn.loss);
+        // The gradient of both settings.
+        let g = object.pull(&field, &drawn).planes;
+        let length = g.iter().fold(0.0, |s, g| s + f64::from(*g) * f64::from(*g)).sqrt();
+        let moved = |h: f64| {
+            let mut field = field.clone();
+            let texels = field.planes.values.iter_mut().zip(&g);
+            texels.for_each(|(x, g)| *x += (h * f64::from(*g) / length) as f32);
+            f64::from(object.losses(&field, 1.0, &absolute).expect("finite").loss)
+        };
+        let slope = (moved(0.0005) - moved(-0.0005)) / 0.001;
+        assert!((slope - length).abs() < 0.03 * length, "{slope} {length}");
     }
 
     #[test]

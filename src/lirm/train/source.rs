@@ -1,8 +1,8 @@
 //! Objects by index.
 //!
-//! An object is in as many batches as [`super::Settings::uses`] has, twelve by default. Objects come in blocks:
-//! a block is drawn in that many random orders, one after the other, and is then forgotten. A resumed training renders the objects
-//! of its block again.
+//! An object is in as many batches as [`super::Settings::uses`] has, twelve by default. Objects come in
+//! blocks: a block is drawn in that many random orders, one after the other, and is then forgotten. A resumed
+//! training renders the objects of its block again.
 
 use super::distances::Distances;
 use super::draws::Draws;

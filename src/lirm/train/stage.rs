@@ -27,11 +27,10 @@
 //! along a cosine to the second. 1/β is linear; in stage 1a it doubles while the rate rises, and is linear
 //! from there. With signed distances it goes from 30 to 60 during this warm-up, to 120 until the end of stage
 //! 1a, and stays there until stage 3 ([`Stage::with_distances`]). Stages 2 and 3 train all heads and read
-//! photos; albedo is compared up to one factor per object, or as it is
-//! (`--absolute-albedo`). From stage 2b on a ray ends where it is opaque.
-//! Stage 3 compares numerical normals too, and takes samples in occupied cells only. Objects of a stage follow
-//! those of the one before; with fewer than twelve batches per object (`--uses`) a stage needs more of them,
-//! and reaches into those of the next.
+//! photos; albedo is compared up to one factor per object, or as it is (`--absolute-albedo`). From stage 2b
+//! on a ray ends where it is opaque. Stage 3 compares numerical normals too, and takes samples in occupied
+//! cells only. Objects of a stage follow those of the one before; with fewer than twelve batches per object
+//! (`--uses`) a stage needs more of them, and reaches into those of the next.
 //!
 //! In every step the encoded colours of an object are multiplied by a random colour: channel c by (1 −
 //! tint·u_c) over the largest of the three, u uniform in 0..1, times a brightness (0.75 to 1, under a map to
@@ -346,6 +345,8 @@ mod tests {
     #[test]
     fn stages_are_those_of_the_table_and_do_not_share_objects() {
         let all: Vec<Stage> = NAMES.iter().map(|n| Stage::named(n).expect("a name")).collect();
+        let ends = all.iter().map(|stage| stage.look(0).early_stop.is_some()).collect::<Vec<_>>();
+        assert_eq!(ends, [false, false, false, false, true, true], "opaque rays end from stage 2b on");
         for pair in all.windows(2) {
             // Blocks of 200 objects, the last of which may not be used up.
             let objects = (8 * pair[0].steps).div_ceil(USES).next_multiple_of(200) as u64;

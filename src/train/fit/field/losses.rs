@@ -4,7 +4,7 @@
 //! |---|---|---|
 //! | colour, albedo | 1, 2 | mean (x − y)² of values in −1..1, and LPIPS or 0.1·(1 − SSIM) |
 //! | foreground | 1 | mean (O − M)² |
-//! | roughness, metallic | 1, 1 | mean (x − y)² of values in −1..1 |
+//! | roughness, metallic | 1, 1, times `material` | mean (x − y)² of values in −1..1 |
 //! | normal head | 1 | Σ ‖n − n*‖² over the compared pixels / number of all values |
 //!
 //! Means of colour and albedo are over the pixels that count, the others over all pixels of the crop. (LIRM, § 10.) Colours here are in 0..1, so their squares have the factor 4. A fit compares the albedo of a pass as it is:
