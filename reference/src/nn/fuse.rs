@@ -18,6 +18,7 @@
 //! Smooth. D and H are at least 1.
 
 use super::attention::affine;
+use super::gelu;
 use crate::array::{Arr, Out};
 use crate::inputs::inputs;
 use crate::ports::{Port, SettingSpec, Signature, ports};
@@ -31,7 +32,7 @@ inputs! {
         position: &'a Arr<S> = Port::var("T,D", "learned tokens"),
         w1: &'a Arr<S> = Port::var("H,D2", "first layer; columns of the state, then of the learned tokens"),
         b1: &'a Arr<S> = Port::var("H", "added before GELU"),
-        w2: &'a Arr<S> = Port::var("D,H", "second layer, 0 at first if residual"),
+        w2: &'a Arr<S> = Port::var("D,H", "second layer"),
         b2: &'a Arr<S> = Port::var("D", "added to the second layer"),
     }
 }
@@ -64,10 +65,7 @@ pub fn forward<S: Scalar>(input: &In<'_, S>, is_residual: bool, out: &mut Out<'_
     let tokens = out.array("tokens", &position.shape);
     for (t, own) in position.data.chunks_exact(d).enumerate() {
         let joined = [&state.data[t * d..(t + 1) * d], own].concat();
-        let hidden: Vec<S> = affine(&w1.data, &b1.data, &joined)
-            .into_iter()
-            .map(|x| x * ((x / 2.0_f64.sqrt()).erf() + 1.0) * 0.5)
-            .collect();
+        let hidden: Vec<S> = affine(&w1.data, &b1.data, &joined).into_iter().map(gelu::of).collect();
         for (j, u) in affine(&w2.data, &b2.data, &hidden).into_iter().enumerate() {
             out.put(tokens, t * d + j, if is_residual { own[j] + u } else { u });
         }

@@ -13,7 +13,7 @@
 //! The value of the largest x with w > 0 is subtracted first.
 //!
 //! # Kinks and domain
-//! No kinks. w ≥ 0, and a w above 0 in every row.
+//! No kinks. w ≥ 0. A row whose w are all 0 is 0 and has no gradient.
 
 use crate::array::{Arr, Out};
 use crate::inputs::inputs;
@@ -34,16 +34,13 @@ pub static SIGNATURE: Signature = Signature {
     name: "nn.softmax",
     summary: "softmax of every row, optionally with prior weights",
     inputs: In::<f64>::PORTS,
-    outputs: ports![y: Port::var("M,K", "rows sum to 1")],
+    outputs: ports![y: Port::var("M,K", "rows sum to 1, or to 0 without a weight")],
     settings: &[SettingSpec::number("floor", "0", "added to every entry of base")],
     ..Signature::EMPTY
 };
 
 /// The twin of `nn.softmax`.
-///
-/// # Errors
-/// When a row has no w above 0.
-pub fn forward<S: Scalar>(input: &In<'_, S>, floor: f64, out: &mut Out<'_, S>) -> Result<(), String> {
+pub fn forward<S: Scalar>(input: &In<'_, S>, floor: f64, out: &mut Out<'_, S>) {
     let In { x, base } = *input;
     let [m, k] = [x.shape[0], x.shape[1]];
     let y = out.array("y", &[m, k]);
@@ -53,7 +50,9 @@ pub fn forward<S: Scalar>(input: &In<'_, S>, floor: f64, out: &mut Out<'_, S>) -
         let most = row.clone().filter(|&at| weight(at).value() > 0.0).map(|at| x.data[at].value());
         let most = most.fold(f64::NEG_INFINITY, |most, x| if x > most { x } else { most });
         if most == f64::NEG_INFINITY {
-            return Err(format!("input base: expected a weight above 0 in row {i}"));
+            row.for_each(|at| out.put(y, at, S::zero()));
+            out.flush();
+            continue;
         }
         let part = |at: usize| match weight(at) {
             w if w.value() == 0.0 => S::zero(),
@@ -66,13 +65,13 @@ pub fn forward<S: Scalar>(input: &In<'_, S>, floor: f64, out: &mut Out<'_, S>) -
         }
         out.flush();
     }
-    Ok(())
 }
 
 /// [`forward`] on named arrays.
 ///
 /// # Errors
-/// When an input is missing or has the wrong shape, or as [`forward`].
+/// When an input is missing or has the wrong shape.
 pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
-    forward(&In::of(call.arrays)?, call.settings.number("floor"), out)
+    forward(&In::of(call.arrays)?, call.settings.number("floor"), out);
+    Ok(())
 }

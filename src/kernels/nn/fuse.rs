@@ -12,9 +12,11 @@
 //! | tokens | `tokens` | (T, D) | |
 //!
 //! The paper has two layers from 2D to D and one set of weights for all planes and panoramas; their width H (here D in a model), the GELU
-//! and the rule `residual` are choices of this project. With `residual`, W₂ and b₂ start at 0: the tokens are P in every round,
-//! until training makes use of the state. With `published` they start at small random numbers, and the tokens are small at first. The state is
-//! not differentiated in training (its gradient is not requested), so a step needs the memory of one round.
+//! and the rule `residual` are choices of this project. First values are those of a model, which has two sets of them. In the published
+//! ones all weights are small random numbers, and the tokens are small at first; with `residual`, W₂ and b₂ are 0, and the tokens are P in
+//! every round until training makes use of the state. In the scaled ones of `residual`, W₁ and W₂ have 0 and ±1 such that u is every second
+//! channel of S (GELU(x) − GELU(−x) = x), and 0 in the others. The state is not differentiated in training (its gradient is not requested),
+//! so a step needs the memory of one round.
 //!
 //! # Rounding
 //! Rows [S P] are written once; then [`super::linear`], [`super::gelu`], [`super::linear`]. With `residual`, P is added last.

@@ -9,8 +9,8 @@
 //! |---|---|---|---|
 //! | x | `x` | (M, K) | finite |
 //! | | `base` | (M, K), optional | ≥ 0 |
-//! | | `floor` | () | ≥ 0; every row has a w above 0, and Σ w is in the range of f32 |
-//! | y | `y` | (M, K) | 0..1, rows sum to 1 |
+//! | | `floor` | () | ≥ 0; Σ w of every row is in the range of f32 |
+//! | y | `y` | (M, K) | 0..1; a row sums to 1, or to 0 if all its w are 0 |
 //!
 //! # Rounding
 //! The largest x of a row among those with w > 0 is subtracted first, so that no exponential overflows and
@@ -18,8 +18,8 @@
 //! division per entry.
 //!
 //! # Kinks and domain
-//! There are no kinks. A row without a w above 0 has no softmax: the result is NaN here, and the operator
-//! list refuses such input.
+//! There are no kinks. A row whose w are all 0 has no softmax: it is 0 and has no gradient, like O of
+//! [`super::attention`] where no token is attended to.
 //!
 //! # Adjoint
 //! x̄ += y ∘ (ȳ − ⟨y, ȳ⟩); the inner product is a left fold over the row. `base` is a constant. The outputs
@@ -74,6 +74,9 @@ pub fn forward(x: &In<'_>) -> Vec<f32> {
                 let w = weight(j);
                 row[j] = if w == 0.0 { 0.0 } else { w * elem::exp(logits[j] - most) };
                 sum += row[j];
+            }
+            if sum == 0.0 {
+                continue; // all are 0 already
             }
             for y in row {
                 *y = *y / sum;

@@ -8,7 +8,7 @@
 //! | symbol | argument | shape | range |
 //! |---|---|---|---|
 //! | image | `image` | (B, H, W, 3) | finite; LIRM: masked, over white, sRGB-encoded, 2x − 1 |
-//! | rays | `rays` | (B, H, W, 6) | finite; unit direction d and moment o × d, [`plucker`](crate::scene::rays::plucker) |
+//! | rays | `rays` | (B, H, W, 6) | finite; unit direction d and moment o × d, [`plucker`](crate::scene::rays::plucker); or d and the point d × (o × d) of the ray that is nearest to the origin |
 //! | photo | `photo` | (B, H, W, 3) | finite; the image before masking; absent with F: no third sum |
 //! | A | `w_image` | (D, P, P, 3) | finite |
 //! | R | `w_rays` | (D, P, P, 6) | finite |
@@ -22,7 +22,7 @@
 //! The three sums are convolutions whose stride is the size of their kernel, which is one linear layer over 12P² numbers. The published code
 //! adds a bias in the first two; only the sum of the biases has an effect, so there is one. No position is added: a token's place is in its
 //! rays. LIRM starts A and R at uniform numbers in ±1/√fan-in and F at 0, so that a model trained without photos continues unchanged
-//! with them.
+//! with them. The scaled first values of this project have twice that bound for d, and five times that for moments and points.
 //!
 //! # Rounding
 //! z without β is one chain from +0 over (i, j, c) of the image, then of the rays, then of the photo, each in memory order of the weights:

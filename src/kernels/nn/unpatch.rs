@@ -13,7 +13,8 @@
 //! All grids share W; LIRM takes r = 8, one W for the planes and one for the panoramas, and applies [`super::weight_norm`] to W as a
 //! matrix (D, r²C): a length per token column, because that is the first axis of a transposed convolution in the published code.
 //! A model calls that operator first. LIRM starts W at uniform numbers in ±1/√(r²C): r²C is what PyTorch calls the fan-in of a
-//! transposed convolution. PyTorch starts β so too; here it starts at 0.
+//! transposed convolution. PyTorch starts β so too; here it starts at 0. In the scaled first values of this project, every token column
+//! (d) of W is a sum of cosines over i and j for every c, with smaller coefficients for higher frequencies, and has the length 1/√3.
 //!
 //! # Rounding
 //! Each output is one chain from +0 over d, ascending ([`crate::num::gemm`]; beyond 4096 chunks and the tree); β is added after it.

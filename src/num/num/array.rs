@@ -207,15 +207,17 @@ impl Arrays {
         Ok(array)
     }
 
-    /// Refuses NaN and ±∞ in every floating-point array with one of the given names; missing arrays are
-    /// skipped.
+    /// Refuses numbers that are not finite as f32 (NaN, ±∞, and f64 that round to ±∞) in every floating-point
+    /// array with one of the given names; missing arrays are skipped.
     ///
     /// # Errors
     /// The error names the array, the index and the value.
     pub fn finite<'a>(&self, names: impl IntoIterator<Item = &'a str>) -> Result<()> {
         for name in names {
             let Some(array) = self.get(name).filter(|a| a.is_float()) else { continue };
-            if let Some((i, x)) = array.to_f64().into_iter().enumerate().find(|(_, x)| !x.is_finite()) {
+            if let Some((i, x)) =
+                array.to_f64().into_iter().enumerate().find(|(_, x)| !(*x as f32).is_finite())
+            {
                 let mut rest = i;
                 let mut index = vec![0; array.shape().len()];
                 for (slot, &size) in index.iter_mut().zip(array.shape()).rev() {
@@ -224,7 +226,7 @@ impl Arrays {
                 }
                 return Err(Error::input(format!("array '{name}'"))
                     .at(format!("index {index:?}"))
-                    .expected("a finite number")
+                    .expected("a number that is finite as f32")
                     .got(x.to_string()));
             }
         }

@@ -144,10 +144,10 @@ fn check_softmax(x: &CheckedCall<'_>) -> Result<()> {
     x.rule("base", "a weight of at least 0", |w| w >= 0.0)?;
     for (i, row) in x.f32s("base").chunks_exact(x.dim("K")).enumerate() {
         let sum = row.iter().fold(0.0, |sum, w| sum + (w + floor));
-        if !(sum > 0.0 && sum.is_finite()) {
+        if !sum.is_finite() {
             return Err(Error::input("array 'base'")
                 .at(format!("row {i}"))
-                .expected("a weight above 0, floor included, and a sum in the range of f32")
+                .expected("weights, floor included, whose sum is in the range of f32")
                 .got(format!("the sum {sum}")));
         }
     }

@@ -55,7 +55,7 @@ impl ArrayNames {
     /// Replaces the values of `params` by those in a file.
     ///
     /// # Errors
-    /// A missing array, another shape, a number that is not finite.
+    /// A missing array, another shape, a number that is not finite as f32.
     pub fn load(self, params: &mut Params, from: &Arrays) -> Result<()> {
         let mut loaded = Params::new();
         for (name, array) in params.iter() {
@@ -251,6 +251,14 @@ mod tests {
             assert!(names.load(&mut other, &file).is_err(), "another shape");
             let mut other = Optimiser::new(rule, &other).expect("a rule in its range");
             assert!(other.load(names, &file).is_err(), "states of another shape");
+            // Finite in the file, infinite in f32.
+            let [value, _] = names.of("a.bias");
+            file.put(&value, &[3], vec![0.0, 4e38_f64, 0.0]);
+            let refused = names.load(&mut params(), &file).expect_err("too large");
+            assert!(
+                refused.to_string().contains("index [1]: expected a number that is finite as f32"),
+                "{refused}"
+            );
         }
     }
 
