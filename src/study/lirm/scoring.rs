@@ -1,6 +1,6 @@
 //! Stages, rounds, controls and materials: a model on unseen objects, set by set.
 
-use super::setup::{Setup, is_complete, shown, values};
+use super::setup::{Named, Setup, is_complete, shown, values};
 use crate::Result;
 use crate::experiment::{Cell, Chart, Curve, Experiment, Outcome, Report, Summary, Values, of, paired, rows};
 use crate::fit::training::Watch;
@@ -28,14 +28,13 @@ pub(super) struct Row {
 #[derive(Debug)]
 pub struct Scoring<'a> {
     pub(super) id: &'static str,
-    /// Where its results are: experiments with the same rows share them.
-    pub(super) folder: &'static str,
     pub(super) setup: &'a Setup,
     pub(super) rows: Vec<Row>,
     pub(super) report: fn(&Scoring<'_>, &[(Cell, Values)]) -> Report,
 }
 
-/// The row of the last model as it is.
+/// The row of the last model as it is, with all that an experiment compares: several have this row, and share
+/// its results.
 fn plain(setup: &Setup, name: &str) -> Row {
     Row {
         name: name.to_owned(),
@@ -44,45 +43,51 @@ fn plain(setup: &Setup, name: &str) -> Row {
         order: Order::Random,
         control: Control::None,
         sets: 4,
-        shapes: false,
-        baselines: false,
+        shapes: true,
+        baselines: true,
     }
 }
 
-/// Folder of the results of all models.
-const STAGES: &str = "stages";
+/// Another row than that of the last model as it is: without surfaces and baselines.
+fn other(setup: &Setup, name: &str) -> Row {
+    Row { shapes: false, baselines: false, ..plain(setup, name) }
+}
+
+/// Folder of the results of all experiments here: equal rows are in one file.
+const FOLDER: &str = "scores";
 
 /// Every model after four sets, with its surface.
 pub fn stages(setup: &Setup) -> Scoring<'_> {
-    let row = |(model, named): (usize, &super::setup::Named)| Row {
+    let last = setup.models.len() - 1;
+    let row = |(model, named): (usize, &Named)| Row {
         model,
-        shapes: true,
+        baselines: model == last,
         ..plain(setup, &named.name)
     };
     let rows = setup.models.iter().enumerate().map(row).collect();
-    Scoring { id: STAGES, folder: STAGES, setup, rows, report: of_stages }
+    Scoring { id: "stages", setup, rows, report: of_stages }
 }
 
 /// Random and sequential order of the inputs.
 pub fn rounds(setup: &Setup) -> Scoring<'_> {
     let rows = vec![
-        Row { baselines: true, ..plain(setup, RANDOM) },
-        Row { order: Order::Sequential, ..plain(setup, SEQUENTIAL) },
+        plain(setup, RANDOM),
+        Row { order: Order::Sequential, ..other(setup, SEQUENTIAL) },
     ];
-    Scoring { id: "rounds", folder: "rounds", setup, rows, report: of_rounds }
+    Scoring { id: "rounds", setup, rows, report: of_rounds }
 }
 
 /// Inputs that are broken on purpose.
 pub fn controls(setup: &Setup) -> Scoring<'_> {
-    let broken = |name: &str, control| Row { control, sets: 2, ..plain(setup, name) };
+    let broken = |name: &str, control| Row { control, sets: 2, ..other(setup, name) };
     let rows = vec![
-        broken(WHOLE, Control::None),
+        plain(setup, WHOLE),
         broken(ZEROED, Control::ZeroedState),
         broken(PERMUTED, Control::PermutedCameras),
         broken(OTHER, Control::OtherObject),
         broken(SWAPPED, Control::SwappedColors),
     ];
-    Scoring { id: "controls", folder: "controls", setup, rows, report: of_controls }
+    Scoring { id: "controls", setup, rows, report: of_controls }
 }
 
 /// Materials under maps.
@@ -91,10 +96,10 @@ pub fn materials(setup: &Setup) -> Scoring<'_> {
         version,
         sets: 2,
         baselines: version == UNDER[0],
-        ..plain(setup, version)
+        ..other(setup, version)
     };
     let rows = UNDER.map(under).into();
-    Scoring { id: "materials", folder: "materials", setup, rows, report: of_materials }
+    Scoring { id: "materials", setup, rows, report: of_materials }
 }
 
 /// Versions under a map; the second is smoother.
@@ -113,23 +118,30 @@ impl Experiment for Scoring<'_> {
     }
 
     fn folder(&self) -> &'static str {
-        self.folder
+        FOLDER
     }
 
     fn cells(&self) -> Vec<Cell> {
         // Object by object, so that its images are made once.
-        let cell =
-            |k: u64, n: usize, row: &Row| Cell { key: format!("{n}_{k:03}"), row: row.name.clone(), seed: k };
-        (0..self.setup.size.objects)
-            .flat_map(|k| self.rows.iter().enumerate().map(move |(n, row)| cell(k, n, row)))
-            .collect()
+        let cell = |k: u64, row: &Row| {
+            let what = format!("{}_{:?}_{:?}", row.version, row.order, row.control).to_lowercase();
+            let key = format!("{}_{what}_{k:03}", self.setup.models[row.model].digest);
+            Cell { key, row: row.name.clone(), seed: k }
+        };
+        (0..self.setup.size.objects).flat_map(|k| self.rows.iter().map(move |row| cell(k, row))).collect()
     }
 
     fn settings(&self, cell: usize) -> Value {
         let row = &self.rows[cell % self.rows.len()];
         let mut record = self.setup.record(&self.setup.models[row.model].model);
-        record["row"] =
-            json!([row.version, format!("{:?}", row.order), format!("{:?}", row.control), row.sets]);
+        record["row"] = json!([
+            row.version,
+            format!("{:?}", row.order),
+            format!("{:?}", row.control),
+            row.sets,
+            row.shapes,
+            row.baselines
+        ]);
         record
     }
 

@@ -72,13 +72,16 @@ pub struct Named {
     pub name: String,
     /// The model.
     pub model: Model,
+    /// The digest of its weights.
+    pub digest: String,
 }
 
 impl Named {
     /// Names a model by its last stage.
     pub fn new(model: Model) -> Self {
         let name = model.stages().last().map_or_else(|| "first values".to_owned(), |s| format!("stage {s}"));
-        Self { name, model }
+        let digest = digest(&model.params);
+        Self { name, model, digest }
     }
 }
 

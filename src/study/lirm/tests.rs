@@ -98,6 +98,33 @@ fn rounds_hold_when_all_five_floors_are_met() {
 }
 
 #[test]
+fn equal_rows_of_experiments_are_computed_once() {
+    let other = {
+        let mut other = model(&[20]);
+        other.model.params = first(&other.model.config, 1);
+        Named::new(other.model)
+    };
+    let setup = setup(vec![other, model(&[10])]);
+    let cells = |x: &scoring::Scoring<'_>, row: &str| -> Vec<_> {
+        let all = x.cells().into_iter().enumerate().filter(|(_, cell)| cell.row == row);
+        all.map(|(i, cell)| (x.folder(), cell.key, x.settings(i))).collect()
+    };
+    let shared = cells(&scoring::rounds(&setup), "random order");
+    assert_eq!(shared.len(), 2, "two objects");
+    assert_eq!(shared, cells(&scoring::controls(&setup), "unbroken"));
+    assert_eq!(shared, cells(&scoring::stages(&setup), &setup.models[1].name), "of the model that is scored");
+    let all = [scoring::rounds(&setup), scoring::controls(&setup), scoring::stages(&setup)];
+    let mut files = std::collections::BTreeMap::new();
+    for x in &all {
+        for (i, cell) in x.cells().into_iter().enumerate() {
+            let settings = files.entry((x.folder(), cell.key)).or_insert_with(|| x.settings(i));
+            assert_eq!(*settings, x.settings(i), "one file, one result");
+        }
+    }
+    assert_eq!(files.len(), 2 * (2 + 4 + 1), "orders, breaks, the other model");
+}
+
+#[test]
 fn controls_hold_when_each_break_costs_what_it_should() {
     let setup = setup(vec![model(&[10])]);
     let x = scoring::controls(&setup);
