@@ -1,6 +1,6 @@
 //! `lirm train`, `reconstruct`, `update` and `eval` on the command line: a step of training, a field from it, what is refused.
 
-use crate::program::{json, lastlight, refused};
+use crate::program::{json, lastlight, refused, stdout};
 use serde_json::Value;
 use std::path::Path;
 
@@ -105,6 +105,15 @@ fn a_model_reads_images_and_more_of_them() {
     assert_eq!(two["digest"], one["digest"]);
     assert_eq!(two["evaluation"]["before"], begun["evaluation"]["mean"], "an update tells what it adds");
     assert!(begun["evaluation"]["before"].is_null(), "nothing was read before");
+    let shown = args.map(|arg| if arg == "b" { "shown" } else { arg });
+    let shown =
+        stdout(&lastlight(&shown.iter().copied().filter(|arg| *arg != "--json").collect::<Vec<_>>(), dir));
+    let of = |record: &Value| record["evaluation"]["mean"]["psnr_db"].as_f64().expect("a score");
+    let gain = of(&two) - of(&begun);
+    let little = if gain < 0.1 { ": more images will change little" } else { "" };
+    let line_of_before =
+        format!("before      {:.2} dB on the same images ({gain:+.2} dB{little})", of(&begun));
+    assert!(shown.contains(&line_of_before), "{line_of_before}\n{shown}");
     let changes = |record: &Value| record["changes"].as_array().expect("a list").clone();
     assert_eq!(
         (changes(&one)[0].as_f64(), &changes(&one)[1..]),

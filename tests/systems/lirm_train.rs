@@ -196,8 +196,6 @@ fn a_stage_goes_on_after_its_first_part() {
         assert!(e.contains("--until") && e.contains("4 to 40"), "{e}");
     }
     let shape = Stage { shape_steps: 40, ..settings("1a", 40).stage.with_distances(1.0) };
-    let materials = Stage { material: 10.0, ..settings("1a", 40).stage };
-    let absolute = Stage { absolute_albedo: true, ..settings("1a", 40).stage };
     for (name, other) in [
         ("--seed", Settings { seed: 1, ..settings("1a", 40) }),
         ("--iterations", settings("1a", 41)),
@@ -208,13 +206,27 @@ fn a_stage_goes_on_after_its_first_part() {
         ("--room", Settings { stage: Stage { room: 0.0, ..settings("1a", 40).stage }, ..settings("1a", 40) }),
         ("--shape-steps", Settings { stage: shape, ..settings("1a", 40) }),
         ("--head-rate", Settings { head_rate: 2.0, ..settings("1a", 40) }),
-        ("--material-weight", Settings { stage: materials, ..settings("1a", 40) }),
-        ("--absolute-albedo", Settings { stage: absolute, ..settings("1a", 40) }),
         ("--updates", Settings { stage: settings("1a", 40).stage.with_updates(), ..settings("1a", 40) }),
     ] {
         let mut other = Training::new(other, TINY, Some(one.params()), &source).expect("valid");
         let e = other.continue_from(&part).expect_err("another setting").to_string();
         assert!(e.contains(name) && e.contains("part before of stage 1a"), "{e}");
+    }
+    let begun = |settings| Training::new(settings, TINY, Some(one.params()), &source);
+    let part = begun(settings("2a", 40)).expect("valid").part();
+    for (name, change) in [
+        ("--material-weight", (|stage| Stage { material: 10.0, ..stage }) as fn(Stage) -> Stage),
+        ("--absolute-albedo", |stage| Stage { absolute_albedo: true, ..stage }),
+    ] {
+        let changed = |name| {
+            let own = settings(name, 40);
+            Settings { stage: change(own.stage.clone()), ..own }
+        };
+        let e = begun(changed("2a")).expect("valid").continue_from(&part).expect_err("another setting");
+        let e = e.to_string();
+        assert!(e.contains(name) && e.contains("part before of stage 2a"), "{e}");
+        let e = begun(changed("1a")).map(|_| ()).expect_err("no albedo, no materials").to_string();
+        assert!(e.contains(name) && e.contains("stages 2a to 3"), "{e}");
     }
 }
 

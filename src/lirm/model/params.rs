@@ -363,6 +363,7 @@ pub fn matrices(name: &str, array: &ArrayD<f32>) -> Option<[usize; 3]> {
 mod tests {
     use super::*;
     use crate::nn::fuse;
+    use crate::num::order;
 
     #[test]
     fn counts_are_those_of_the_paper_and_of_the_arrays() {
@@ -386,6 +387,56 @@ mod tests {
         let length = row.iter().fold(0.0, |s, x| s + f64::from(*x) * f64::from(*x)).sqrt();
         assert!((f64::from(g[7]) - length).abs() < 1e-7 * length);
         assert!((length / (0.04 * 16.0) - 1.0).abs() < 0.3, "√256 times the deviation: {length}");
+    }
+
+    /// Bounds and deviations of the issue and of PyTorch's layers: fans are written out.
+    #[test]
+    fn published_first_values_have_the_published_bounds() {
+        let c = Config {
+            first_values: FirstValues::Published,
+            fuse: Fuse::Published,
+            blocks: 1,
+            is_whole: true,
+            ..Config::SMALL
+        };
+        let params = first(&c, 5);
+        let of = |name: &str| params.get(name).expect("an array");
+        let extent = |name: &str| {
+            let (low, high) = of(name)
+                .iter()
+                .fold((0.0_f32, 0.0_f32), |(low, high), x| (order::min(low, *x), order::max(high, *x)));
+            (f64::from(low), f64::from(high))
+        };
+        for (name, bound) in [
+            ("tokens/image", 1.0 / 192_f64.sqrt()),
+            ("tokens/rays", 1.0 / 384_f64.sqrt()),
+            ("unpatch/planes/v", 1.0 / 1024_f64.sqrt()),
+            ("unpatch/panoramas/v", 1.0 / 1024_f64.sqrt()),
+            ("block/00/qkv", (6.0 / (256.0 + 768.0_f64)).sqrt()),
+            ("heads/color/1", 0.25 * (6.0 / 64_f64).sqrt()),
+        ] {
+            let (low, high) = extent(name);
+            let bound = bound * (1.0 + 1e-6);
+            assert!(-bound <= low && low < -0.98 * bound, "{name}: {low} beside {bound}");
+            assert!(0.98 * bound < high && high <= bound, "{name}: {high} beside {bound}");
+        }
+        for (name, deviation) in [
+            ("block/00/out", 0.02),
+            ("block/00/fc1/v", 0.02),
+            ("block/00/fc2/v", 0.02),
+            ("fuse/w1", 0.02),
+            ("fuse/w2", 0.02),
+            ("places/planes", 1.0 / 8.0),
+            ("places/panoramas", 1.0 / 4.0),
+        ] {
+            let square = of(name).iter().fold(0.0, |sum, x| sum + f64::from(*x) * f64::from(*x));
+            let found = (square / of(name).len() as f64).sqrt();
+            assert!((found / deviation - 1.0).abs() < 0.05, "{name}: {found} beside {deviation}");
+        }
+        let is_0 = |name: &str| of(name).iter().all(|x| *x == 0.0);
+        assert!(is_0("tokens/photo") && is_0("tokens/bias") && is_0("block/00/qkv/bias"), "start at 0");
+        let residual = first(&Config { fuse: Fuse::Residual, ..c }, 5);
+        assert!(residual.get("fuse/w2").is_some_and(|w| w.iter().all(|x| *x == 0.0)), "P in every round");
     }
 
     #[test]

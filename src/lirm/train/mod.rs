@@ -135,6 +135,16 @@ impl<'a> Training<'a> {
             Some(params) => params.clone(),
         };
         let config = whole;
+        let stage = &settings.stage;
+        for (option, is_given) in
+            [("--absolute-albedo", stage.absolute_albedo), ("--material-weight", stage.material != 1.0)]
+        {
+            if is_given && !config.is_whole {
+                return Err(Error::input(option)
+                    .expected("a model with albedo and materials, which stages 2a to 3 make of any other")
+                    .got(format!("stage {} of a model without them", stage.name)));
+            }
+        }
         let states = States::new(settings.optimizer, settings.head_rate, &begun)?;
         let start = digest(&begun);
         Ok(Self {
