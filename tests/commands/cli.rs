@@ -353,23 +353,11 @@ fn doctor_and_demo_say_that_all_is_well() {
     let dir = tempfile::tempdir().expect("a temporary folder");
     let record = json(&["doctor", "--json"], dir.path());
     assert_eq!(record["ok"], true, "{record}");
-    let record = json(&["demo", "--iterations", "8", "--json", "--quiet"], dir.path());
-    for part in ["person", "scene"] {
-        assert_eq!(record[part]["iterations"], 8, "{part}: as requested");
-    }
+    // All three parts: `the_report_of_the_demo_says_what_it_shows`.
+    let record = json(&["demo", "--only", "last", "--iterations", "8", "--json", "--quiet"], dir.path());
+    assert_eq!(record["person"]["iterations"], 8, "as requested");
     assert_eq!(record["person"]["structure"]["after"].as_array().map(Vec::len), Some(16), "every edge");
-    let page =
-        std::fs::read_to_string(dir.path().join("demo/report/index.html")).expect("a report in ./demo");
-    for id in ["subject", "structure", "views", "turntable", "grid", "moved", "scene", "time", "settings"] {
-        assert_eq!(page.matches(&format!("<section id=\"{id}\">")).count(), 1, "section '{id}', once");
-    }
-    for file in ["person/avatar.safetensors", "tuned.safetensors", "turntable.png", "interventions/grid.png"]
-    {
-        assert!(dir.path().join("demo").join(file).is_file(), "{file} is there");
-    }
-    let again = json(&["demo", "--only", "splat", "--iterations", "8", "--json", "--quiet"], dir.path());
-    assert_eq!(again["scene"]["digest"], record["scene"]["digest"], "again, the same scene");
-    assert!(again["person"].is_null(), "one part alone");
+    assert!(record["scene"].is_null() && record["object"].is_null(), "one part alone");
     let again = json(
         &["demo", "--only", "last", "--iterations", "8", "--json", "--quiet", "--threads", "1"],
         dir.path(),

@@ -201,7 +201,7 @@ const SESSIONS: [Session; 8] = [
 
 /// Lines that are not run here, and why.
 const MARKED: [(&str, &str); 22] = [
-    ("cargo run --release -- demo", "half a minute; `cli.rs` runs it smaller"),
+    ("cargo run --release -- demo", "a minute; `report.rs` runs it smaller"),
     ("cargo test --release --workspace", "runs this test"),
     ("cargo build --release", "builds this program"),
     ("export PATH=\"$PWD/target/release:$PATH\"", "a setting of the shell"),

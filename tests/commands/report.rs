@@ -68,11 +68,33 @@ fn the_report_of_the_demo_says_what_it_shows() {
     let record = json(&["demo", "--iterations", "24", "--json", "--quiet"], dir.path());
     // Each part has its own time (the scene had that of the whole demo).
     let seconds = |v: &serde_json::Value| v["seconds"].as_f64().expect("seconds");
-    let (person, scene) = (seconds(&record["person"]), seconds(&record["scene"]));
-    assert!(person > 0.0 && scene > 0.0 && person + scene <= seconds(&record), "{person} + {scene}");
+    let parts = ["person", "object", "scene"].map(|part| seconds(&record[part]));
+    assert!(parts.iter().all(|s| *s > 0.0), "{parts:?}");
+    assert!(parts[0] + parts[1] + parts[2] <= seconds(&record), "{parts:?}");
+    for part in ["person", "scene"] {
+        assert_eq!(record[part]["iterations"], 24, "{part}: as requested");
+    }
+    let psnr = |round: usize| record["object"]["rounds"][round]["psnr_db"].as_f64().expect("a score");
+    assert!(psnr(1) > psnr(0) && psnr(0) > 15.0, "the included model: {} and {} dB", psnr(0), psnr(1));
+    for file in [
+        "person/avatar.safetensors",
+        "tuned.safetensors",
+        "turntable.png",
+        "interventions/grid.png",
+        "object/second/field.safetensors",
+        "object/mesh.glb",
+        "object/relit.png",
+    ] {
+        assert!(dir.path().join("demo").join(file).is_file(), "{file} is there");
+    }
 
     let html = checked(&dir.path().join("demo/report/index.html"));
-    assert!(html.contains("<h1>A person from a video, a scene from images</h1>"), "a title");
+    let title = "<h1>A person from a video, an object from a few images, a scene from images</h1>";
+    assert!(html.contains(title), "a title");
+    let person = ["subject", "structure", "views", "turntable", "grid", "moved"];
+    for id in [&person[..], &["object", "rounds", "relit", "scene", "time", "settings"]].concat() {
+        assert_eq!(html.matches(&format!("<section id=\"{id}\">")).count(), 1, "section '{id}', once");
+    }
     for fact in ["date", "commit", "rustc", "processor", "threads", "digest of the person"] {
         assert!(html.contains(&format!("<dt>{fact}</dt>")), "{fact}");
     }
@@ -122,6 +144,16 @@ fn the_report_of_the_demo_says_what_it_shows() {
     assert!(changed.contains("<code>24</code>") && changed.contains("<code>400</code>"), "{changed}");
     assert!(html.contains("<dt>PSNR-box</dt>") && html.contains("<abbr title="), "metrics are explained");
     assert_eq!(html.matches("iteration 0 · ").count(), 1, "the first picture of the training strip");
+
+    let again = json(&["demo", "--only", "splat", "--iterations", "24", "--json", "--quiet"], dir.path());
+    assert_eq!(
+        again["scene"]["digest"], record["scene"]["digest"],
+        "again, into the same folder: the same scene"
+    );
+    assert!(again["person"].is_null() && again["object"].is_null(), "one part alone");
+    let digest = &record["person"]["digest"];
+    let again = json(&["demo", "--iterations", "24", "--json", "-q", "--only", "last"], dir.path());
+    assert_eq!(&again["person"]["digest"], digest, "again, the same person");
 
     fits(dir.path());
     interventions(dir.path());

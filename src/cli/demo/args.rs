@@ -19,15 +19,15 @@ fn person_size(text: &str) -> Result<usize, String> {
 ///
 /// A person is filmed by one camera; the image-to-point model that comes with the program adapts its causal structure
 /// to the video and guides the fit of an animatable person of Gaussians; images that were held out are compared, the
-/// person is shown from the front half, and one factor after the other is set. With `--model` or `--only lirm`, an object that the model has
+/// person is shown from the front half, and one factor after the other is set. An object that the included model of LIRM has
 /// not been trained with is reconstructed from four images, then from four more, and shown under another light. Then new
-/// Gaussians are fitted to rendered images of a scene of known Gaussians. Takes less than a minute on two cores and needs no input.
+/// Gaussians are fitted to rendered images of a scene of known Gaussians. Takes about a minute on two cores and needs no input.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
   lastlight demo
   lastlight demo --only last --size 160 --iterations 1200     the person alone, larger and longer
   lastlight demo --only lirm                                  the object alone
-  lastlight demo --model s3                                   all three, with a model of lirm train
+  lastlight demo --model s3                                   the object by a model of lirm train
   lastlight demo --only splat --out /tmp/demo --seed 1")]
 pub(crate) struct Args {
     /// Folder for the results [default: demo; an earlier demo there is replaced]
@@ -36,8 +36,8 @@ pub(crate) struct Args {
     /// One part alone
     #[arg(long, value_name = "NAME", value_parser = choices(PARTS))]
     pub(super) only: Option<String>,
-    /// LIRM model, or the folder of a training, that reconstructs the object [default: with --only lirm the included model, whose training is
-    /// unfinished; otherwise there is no object]
+    /// LIRM model, or the folder of a training, that reconstructs the object [default: the included model, whose training is
+    /// unfinished]
     #[arg(long, value_name = "FILE")]
     pub(super) model: Option<PathBuf>,
     /// Iterations of a fit [default: 400 for the person, 1200 for the scene]
