@@ -70,10 +70,7 @@ pub fn stages(setup: &Setup) -> Scoring<'_> {
 
 /// Random and sequential order of the inputs.
 pub fn rounds(setup: &Setup) -> Scoring<'_> {
-    let rows = vec![
-        plain(setup, RANDOM),
-        Row { order: Order::Sequential, ..other(setup, SEQUENTIAL) },
-    ];
+    let rows = vec![plain(setup, RANDOM), Row { order: Order::Sequential, ..other(setup, SEQUENTIAL) }];
     Scoring { id: "rounds", setup, rows, report: of_rounds }
 }
 
