@@ -355,7 +355,7 @@ mod tests {
         }
         assert_eq!((all[0].rate(0), all[0].rate(99)), (5e-6, 5e-4), "it rises");
         assert!((all[0].rate(2199) - 3.5e-4).abs() < 1e-8, "and falls");
-        assert_eq!([0, 19].map(|step| all[5].rate(step)), [1e-6, 2e-5], "over twenty steps in stage 3");
+        assert!((all[5].rate(0) - 1e-6).abs() < 1e-12 && all[5].rate(19) == 2e-5, "twenty steps in stage 3");
         let sharp = [0, 50, 100, 2199].map(|step| all[0].look(step).inverse_beta);
         assert_eq!(sharp, [10.0, 15.0, 20.0, 40.0], "it doubles while the rate rises");
         let sharp = all[0].clone().with_distances(10.0);
