@@ -6,7 +6,7 @@
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use lastlight::fit::field::targets::Picture;
 use lastlight::lirm::model::config::Config;
-use lastlight::lirm::model::decode::Look;
+use lastlight::lirm::model::decode::Rendering;
 use lastlight::lirm::model::params::first;
 use lastlight::lirm::model::transformer::Input;
 use lastlight::lirm::model::weights::Ready;
@@ -56,7 +56,7 @@ fn small(c: &mut Criterion) {
         let views: Vec<View> = (0..SET).map(|k| view(k, side)).collect();
         let inputs = || -> Vec<Input> { views.iter().map(|v| Input::of(v, &at, &config)).collect() };
         let read = |set: &[Input]| ready.read(&ready.no_state(), set, None).0;
-        let decode = |state: &[f32]| -> Field { ready.decode(state, Look::of_field(128, 60.0), at) };
+        let decode = |state: &[f32]| -> Field { ready.decode(state, Rendering::of_field(128, 60.0), at) };
         let set = inputs();
         let state = read(&set);
         let tokens = set.iter().fold(0, |sum, x| sum + x.tokens());

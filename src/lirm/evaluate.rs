@@ -16,7 +16,7 @@
 //! | `color`, `gray` | of the mean colours of the object in image and truth, absolute difference, mean over channels; of a grey with the true brightness and the truth | 0 to 1, encoded |
 //! | `numerical_normals_deg` | angle of numerical normals | degrees |
 //! | `depth` | absolute difference of depth | units of the object: the ball has the radius ½ |
-//! | `albedo_db`, `mean_albedo_db` | PSNR of albedo after the least-squares scale of each channel; of the mean of training objects | dB |
+//! | `albedo_db`, `mean_albedo_db` | PSNR of albedo after the least-squares scale of each channel, of outputs where at least 20 pixels count; of the mean of training objects | dB |
 //! | `roughness`, `metallic` | absolute error | |
 //! | `mean_roughness`, `median_roughness`, `mean_metallic`, `median_metallic` | the same of a constant, the mean or the median of training objects; of constants, the median has the smallest error on their pixels | |
 //! | `distance_radii` | mean distance between the surfaces, samples to triangles | radii of the object |
@@ -36,7 +36,7 @@
 
 use super::baselines::{Hull, blurred, nearest};
 use super::r#gen::{Lighting, Set, Settings};
-use super::model::decode::Look;
+use super::model::decode::Rendering;
 use super::model::transformer::Input;
 use super::model::weights::Ready;
 use super::reading::INPUT_SIDE;
@@ -118,7 +118,7 @@ pub struct Protocol {
     /// Order of the inputs.
     pub order: Order,
     /// How fields are rendered.
-    pub look: Look,
+    pub rendering: Rendering,
     /// What is broken on purpose.
     pub control: Control,
     /// Sets that the model reads, of four (more are read as four).
@@ -402,7 +402,7 @@ fn state_and_image(
     k: u64,
     views: &Views,
 ) -> Result<(Numbers, [Vec<f32>; 2])> {
-    let field = ready.decode(state, p.look, at);
+    let field = ready.decode(state, p.rendering, at);
     let cells = view::occupancy(&field)?;
     let mut all: BTreeMap<&'static str, Vec<f64>> = BTreeMap::new();
     let mut first = None;

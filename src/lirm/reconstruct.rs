@@ -7,7 +7,7 @@
 //! ```
 
 use super::model::config::{Config, PATCH};
-use super::model::decode::Look;
+use super::model::decode::Rendering;
 use super::model::file::{Model, digest};
 use super::model::params::count;
 use super::model::state::State;
@@ -27,6 +27,10 @@ use crate::{Error, Result};
 
 /// Cosine of the largest angle between up in the images and z for which a capture is z up.
 const LEVEL: f64 = 0.94;
+/// Numbers per pixel of an [`Input`]: image, rays and photo.
+const INPUT_FLOATS: usize = 12;
+/// Numbers per pixel of a copy of an image while its input is made: colours, coverage, photo, and the resized.
+const COPY_FLOATS: usize = 14;
 
 /// Size of the images that are read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -61,7 +65,7 @@ pub struct Reconstruction<'a> {
     /// Size of the images that are read.
     pub size: Size,
     /// How the field is rendered.
-    pub look: Look,
+    pub rendering: Rendering,
 }
 
 /// What a reconstruction takes.
@@ -204,11 +208,18 @@ impl Reconstruction<'_> {
         tokens.iter().try_for_each(|n| check_tokens(*n))?;
         let most = tokens.iter().copied().fold(0, Ord::max);
         let parameters = count(config);
+        let inputs = tokens.iter().fold(0, |sum, n| sum + n * PATCH * PATCH) * INPUT_FLOATS;
+        let pixels = |i: &usize| {
+            let camera = &self.pictures.pictures[*i].camera;
+            camera.width * camera.height
+        };
+        let largest = self.sets.iter().flatten().map(pixels).fold(0, Ord::max);
+        let at_once = Ord::min(par::threads(), self.sets.iter().map(Vec::len).fold(0, Ord::max));
         Ok(Work {
             parameters,
             tokens: config.state_tokens() + most,
             operations: tokens.iter().fold(0.0, |sum, n| sum + config.flops(*n)[0]),
-            bytes: config.memory(parameters, most),
+            bytes: config.memory(parameters, most) + 4 * (inputs + at_once * largest * COPY_FLOATS) as u64,
         })
     }
 
@@ -238,7 +249,7 @@ impl Reconstruction<'_> {
             return Err(Error::check("LIRM state").expected("finite numbers").got(bad.to_string()));
         }
         watch.lap("transformer");
-        let field = ready.decode(&tokens, self.look, place);
+        let field = ready.decode(&tokens, self.rendering, place);
         field.validate()?;
         watch.lap("decoding");
         let is_update = before.is_some();
@@ -262,7 +273,7 @@ impl Reconstruction<'_> {
         };
         let scored = scores(&field)?;
         let before = match is_update && !held_out.is_empty() {
-            true => scores(&ready.decode(&first, self.look, place))?,
+            true => scores(&ready.decode(&first, self.rendering, place))?,
             false => Vec::new(),
         };
         watch.lap("evaluation");

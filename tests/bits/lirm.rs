@@ -7,7 +7,7 @@ use lastlight::fit::field::targets::{Picture, Target, placed};
 use lastlight::fit::field::view;
 use lastlight::fit::training::Fit;
 use lastlight::lirm::model::config::Config;
-use lastlight::lirm::model::decode::Look;
+use lastlight::lirm::model::decode::Rendering;
 use lastlight::lirm::model::params::first;
 use lastlight::lirm::model::transformer::Input;
 use lastlight::lirm::model::weights::Ready;
@@ -182,7 +182,7 @@ pub(crate) fn entries() -> Vec<Entry> {
         let at = balls.0.posed(config.pose, &[0]).expect("an upright camera");
         let inputs: Vec<Input> = views.all.iter().map(|v| Input::of(v, &at, &config)).collect();
         state = ready.read(&state, &inputs, None).0;
-        let field = ready.decode(&state, Look::of_field(SAMPLES, 60.0), at);
+        let field = ready.decode(&state, Rendering::of_field(SAMPLES, 60.0), at);
         entries.push(Entry::new(name, shown(&state, &field)));
     }
     entries

@@ -4,11 +4,12 @@ use super::ball;
 use data_gen::cameras;
 use lastlight::fit::field::benchmark::Shape;
 use lastlight::fit::field::mesh;
+use lastlight::fit::field::scores::{FEWEST, materials};
 use lastlight::lirm::baselines::{Hull, nearest};
 use lastlight::lirm::evaluate::{Control, Order, Protocol, SET, object, settings, state, views as scores};
 use lastlight::lirm::r#gen::Settings;
 use lastlight::lirm::model::config::Config;
-use lastlight::lirm::model::decode::Look;
+use lastlight::lirm::model::decode::Rendering;
 use lastlight::lirm::model::params::first;
 use lastlight::lirm::model::transformer::Input;
 use lastlight::lirm::model::weights::Ready;
@@ -25,7 +26,7 @@ fn protocol() -> Protocol {
         set: Settings { size: 32, ..settings(2, 1) },
         version: "uniform".into(),
         order: Order::Random,
-        look: Look::of_field(16, 40.0),
+        rendering: Rendering::of_field(16, 40.0),
         control: Control::None,
         sets: 1,
         outputs: 1,
@@ -33,6 +34,29 @@ fn protocol() -> Protocol {
         baselines: true,
         shapes: true,
     }
+}
+
+#[test]
+fn an_albedo_is_aligned_on_more_than_a_few_pixels() {
+    let target = ball::target(0, 32);
+    let count = target.foreground.len();
+    let albedo: Vec<f32> = (0..3 * count).map(|i| 0.2 + 0.01 * (i % 50) as f32).collect();
+    let of = |opaque: usize| {
+        let mut left = opaque;
+        let opacity: Vec<f32> = (0..count)
+            .map(|i| {
+                let is_opaque = target.foreground[i] == 1.0 && left > 0;
+                left -= usize::from(is_opaque);
+                f32::from(u8::from(is_opaque))
+            })
+            .collect();
+        materials(Some(&albedo), None, &opacity, &target).expect("finite")
+    };
+    let few = of(1);
+    assert!(few.albedo_db.is_some_and(f64::is_finite), "as it is, one pixel is enough");
+    assert_eq!(few.albedo_aligned_db, None, "scales fit one pixel exactly");
+    assert_eq!(of(FEWEST - 1).albedo_aligned_db, None);
+    assert!(of(FEWEST).albedo_aligned_db.is_some_and(f64::is_finite));
 }
 
 #[test]
@@ -82,7 +106,7 @@ fn surfaces_are_compared_in_the_world() {
         ..Placement::new([0.25, -0.125, 0.5], 1.0)
     };
     let made = mesh::Settings { side: 96, ..mesh::Settings::default() };
-    let (own, ..) = mesh::shape(&ready.decode(&tokens, p.look, at), &made).expect("a surface");
+    let (own, ..) = mesh::shape(&ready.decode(&tokens, p.rendering, at), &made).expect("a surface");
     let mut moved = own.clone();
     for x in &mut moved.positions {
         *x = [0.25 - x[1], x[0] - 0.125, 0.5 + x[2]];

@@ -30,7 +30,7 @@ use crate::shared::Outcome;
 use crate::{Error, Result, light};
 use data_gen::cameras;
 use lastlight_lirm::r#gen::{self as set, Lighting, Set, Settings as Making};
-use lastlight_lirm::model::decode::Look;
+use lastlight_lirm::model::decode::Rendering;
 use lastlight_lirm::model::file::Model;
 use lastlight_lirm::reconstruct::{Made, Reconstruction, Size, Start};
 use maud::html;
@@ -71,7 +71,7 @@ pub(super) fn run(args: &Args, dir: &Path, meter: &mut Meter) -> Result<Outcome>
                 pictures: &pictures,
                 sets: vec![set.to_vec()],
                 size: Size::Usual,
-                look: Look::of_field(STEPS, model.inverse_beta()),
+                rendering: Rendering::of_field(STEPS, model.inverse_beta()),
             };
             let settings = json!({ "capture": capture, "model": model_name });
             let job = Job { kind, capture: &capture, reading, settings };

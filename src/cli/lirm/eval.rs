@@ -9,7 +9,7 @@ use crate::meter::Meter;
 use crate::{Error, Result};
 use lastlight_lirm::evaluate::{self, Control, Order, Protocol, SET};
 use lastlight_lirm::model::config::PATCH;
-use lastlight_lirm::model::decode::Look;
+use lastlight_lirm::model::decode::Rendering;
 use lastlight_lirm::model::file::digest;
 use lastlight_lirm::model::params::count;
 use lastlight_lirm::model::weights::Ready;
@@ -71,7 +71,7 @@ const CONTROLS: &Choices = &[
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
   lastlight lirm eval                                       24 objects of seed 2
-  lastlight lirm eval s1c --seed 1 --objects 8              for comparing trainings
+  lastlight lirm eval s1c --seed 1 --no-baselines           for comparing trainings
   lastlight lirm eval s3 --light environment --input-order sequential
 
 Every object has 48 views (lirm gen --cameras test): 16 inputs in four sets, read at 64x64, and 12 outputs, compared at 128x128. Baselines, all with the true foregrounds: the nearest input image; the visual hull of the inputs with their mean colours, from 128x128 (hull), from the 64x64 that the model reads (hull 64²), and the former blurred by one pixel (blurred). Materials count where the object covers a pixel and the model is opaque, beside means and medians of training objects. PSNR in dB over white; RFD, a distance of responses to random filters (not LPIPS); IoU of foregrounds; colour, the error of the mean colour, beside that of a grey of the true brightness; normals in degrees; depth, the mean absolute difference in units in which the object's ball has the radius ½; with --shapes, surface, the mean distance of the surfaces in radii of the object, and found, the share of objects that have a surface; means over outputs, then objects.")]
@@ -112,6 +112,9 @@ pub(crate) struct Args {
     /// Compare surfaces too
     #[arg(long)]
     shapes: bool,
+    /// Leave out nearest input and visual hulls, which take more than half of the time
+    #[arg(long)]
+    no_baselines: bool,
     /// Seed of the objects
     #[arg(long, value_name = "N", default_value_t = 2)]
     seed: u64,
@@ -133,7 +136,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         set: evaluate::settings(args.seed, args.samples),
         version: args.light.clone(),
         order: if args.input_order == "random" { Order::Random } else { Order::Sequential },
-        look: Look::of_field(args.ray_samples as usize, inverse_beta),
+        rendering: Rendering::of_field(args.ray_samples as usize, inverse_beta),
         control: match args.control.as_str() {
             "zeroed-state" => Control::ZeroedState,
             "permuted-cameras" => Control::PermutedCameras,
@@ -145,7 +148,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         sets: usize::from(args.sets),
         outputs: 12,
         typical: model.config.is_whole.then(|| evaluate::typical_materials(0, &args.light)).transpose()?,
-        baselines: true,
+        baselines: !args.no_baselines,
         shapes: args.shapes,
     };
     meter.lap("reading");
@@ -159,7 +162,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let objects: Vec<Value> = all.iter().map(|s| json!({ "object": s.object, "rounds": s.rounds })).collect();
     let record = json!({
         "model": name, "digest": digest(&model.params), "stages": model.stages(), "light": args.light, "order": args.input_order, "control": args.control, "tint": args.tint,
-        "seed": args.seed, "samples": args.samples, "ray_samples": args.ray_samples, "sets": args.sets, "inverse_beta": p.look.inverse_beta,
+        "seed": args.seed, "samples": args.samples, "ray_samples": args.ray_samples, "sets": args.sets, "inverse_beta": p.rendering.inverse_beta,
         "rounds": means, "objects": objects,
     });
     if cli::is_json() {

@@ -10,7 +10,7 @@ use crate::fit::field::targets::Pictures;
 use crate::meter::Meter;
 use crate::shared::ForceArgs;
 use crate::{Error, Result, claim};
-use lastlight_lirm::model::decode::Look;
+use lastlight_lirm::model::decode::Rendering;
 use lastlight_lirm::model::state::State;
 use lastlight_lirm::reconstruct::{Reconstruction, Size, Start};
 use serde_json::{Value, json};
@@ -189,7 +189,7 @@ fn made(
         pictures: &pictures,
         sets: which.chunks(of_set).map(<[usize]>::to_vec).collect(),
         size: args.size(),
-        look: Look::of_field(args.ray_samples as usize, inverse_beta),
+        rendering: Rendering::of_field(args.ray_samples as usize, inverse_beta),
     };
     let job = Job { kind, capture, reading, settings };
     let place = job.place(&start, &meter)?;

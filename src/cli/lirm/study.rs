@@ -139,10 +139,13 @@ fn study(args: &Args, out: &Path) -> Result<()> {
         .map(|x| &**x)
         .filter(|x| args.ids.is_empty() || args.ids.iter().any(|id| id == x.id()))
         .collect();
-    study.run(&chosen)?;
-    let reports = study.reports;
-    let cost = chosen.iter().find(|x| x.id() == COST);
-    let costs = cost.map_or_else(Vec::new, |x| engine::durations(&dir, x.folder(), &x.cells()));
+    let results = study.run(&chosen)?;
+    let mut reports = study.reports;
+    let mut costs = Vec::new();
+    if let Some(i) = chosen.iter().position(|x| x.id() == COST) {
+        costs = engine::durations(&dir, chosen[i].folder(), &chosen[i].cells());
+        reports[i].verdict += &occupancy::saving(&results[i], &costs);
+    }
     let named = setup.models.iter().map(|m| json!({ "name": m.name, "digest": digest(&m.model.params) }));
     let own = Map::from_iter([("models".to_owned(), named.collect())]);
     let finished = engine::Finished {

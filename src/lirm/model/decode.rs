@@ -21,7 +21,7 @@ pub const EARLY_STOP: f32 = 1e-4;
 
 /// How a decoded field is rendered.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Look {
+pub struct Rendering {
     /// Steps along the diagonal of the box.
     pub samples: usize,
     /// 1/β.
@@ -32,7 +32,7 @@ pub struct Look {
     pub early_stop: Option<f32>,
 }
 
-impl Look {
+impl Rendering {
     /// How a finished field is rendered.
     pub fn of_field(samples: usize, inverse_beta: f32) -> Self {
         Self { samples, inverse_beta, least_weight: Some(LEAST_WEIGHT), early_stop: Some(EARLY_STOP) }
@@ -90,7 +90,7 @@ impl Ready<'_> {
     ///
     /// # Panics
     /// Panics if the state has another size.
-    pub fn decode(&self, state: &[f32], look: Look, placement: Placement) -> Field {
+    pub fn decode(&self, state: &[f32], rendering: Rendering, placement: Placement) -> Field {
         let c = &self.config;
         let (of_planes, of_panoramas) = state.split_at(c.tokens()[0] * c.width);
         let shape = c.grids(true);
@@ -106,11 +106,11 @@ impl Ready<'_> {
         });
         let settings = Settings {
             half_size: HALF_SIZE,
-            samples: look.samples,
+            samples: rendering.samples,
             rule: Rule::Analytic,
-            inverse_beta: look.inverse_beta,
-            least_weight: look.least_weight,
-            early_stop: look.early_stop,
+            inverse_beta: rendering.inverse_beta,
+            least_weight: rendering.least_weight,
+            early_stop: rendering.early_stop,
             stencil: Stencil::Central,
             epsilon: 2.0 * HALF_SIZE / (planes.side - 1) as f32,
             ..Settings::default()

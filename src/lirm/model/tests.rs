@@ -1,5 +1,5 @@
 use super::config::Config;
-use super::decode::Look;
+use super::decode::Rendering;
 use super::params::first;
 use super::transformer::{Input, Keep};
 use super::weights::Ready;
@@ -49,14 +49,15 @@ fn params() -> Params {
 }
 
 const PLACEMENT: Placement = Placement::new([0.0; 3], 1.0);
-const LOOK: Look = Look { samples: 16, inverse_beta: 10.0, least_weight: None, early_stop: None };
+const RENDERING: Rendering =
+    Rendering { samples: 16, inverse_beta: 10.0, least_weight: None, early_stop: None };
 
 /// A linear function of all texels of the field that a state decodes to, after two sets of images of two
 /// sizes.
 fn value(params: &Params, state: &[f32], views: &[Input], c: [&[f32]; 2]) -> f64 {
     let ready = Ready::new(TINY, params);
     let (next, _) = ready.read(state, views, None);
-    let field = ready.decode(&next, LOOK, PLACEMENT);
+    let field = ready.decode(&next, RENDERING, PLACEMENT);
     let panoramas = field.panoramas.expect("a whole model has them").values;
     let dot = |x: &[f32], c: &[f32]| x.iter().zip(c).fold(0.0, |s, (x, c)| s + f64::from(*x) * f64::from(*c));
     dot(&field.planes.values, c[0]) + dot(&panoramas, c[1])
@@ -74,7 +75,7 @@ fn gradients_are_difference_quotients_with_and_without_recomputation() {
     let mut both = Vec::new();
     for keep in [Keep::All, Keep::Inputs] {
         let (next, saved) = ready.read(&state, &views, Some(keep));
-        let field = ready.decode(&next, LOOK, PLACEMENT);
+        let field = ready.decode(&next, RENDERING, PLACEMENT);
         let weights = Weights::of(&field);
         let rays = crate::field::render::Rays { origins: &[], directions: &[] };
         let mut bar = InBar::zeros_like(&weights.scene(rays));

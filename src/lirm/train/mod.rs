@@ -240,7 +240,7 @@ impl<'a> Training<'a> {
             absolute_albedo: s.stage.absolute_albedo,
             material: Some(s.stage.material).filter(|x| *x != 1.0),
             average_last: s.average_last,
-            inverse_beta: s.stage.look(self.range[1].saturating_sub(1)).inverse_beta,
+            inverse_beta: s.stage.rendering(self.range[1].saturating_sub(1)).inverse_beta,
             start: self.start.clone(),
         }
     }
@@ -320,7 +320,7 @@ impl<'a> Training<'a> {
         step: usize,
         watch: &mut dyn Watch,
     ) -> Result<(Vec<f32>, Vec<Gradients>)> {
-        let look = self.settings.stage.look(step);
+        let rendering = self.settings.stage.rendering(step);
         let mut states: Vec<Vec<f32>> = objects.iter().map(|_| ready.no_state()).collect();
         let mut sums: Vec<Option<Gradients>> = objects.iter().map(|_| None).collect();
         let mut losses = vec![0.0; objects.len()];
@@ -337,19 +337,19 @@ impl<'a> Training<'a> {
                 let object = &objects[active[i]];
                 // The mean over the objects of the step and the sets of each.
                 let weight = 1.0 / (self.settings.batch * object.sets.len()) as f32;
-                let field = ready.decode(&read[i].0, look, object.placement);
+                let field = ready.decode(&read[i].0, rendering, object.placement);
                 let rendered = object.losses(&field, weight, &self.settings.stage)?;
                 Ok((field, rendered))
             });
             let drawn = drawn.into_iter().collect::<Result<Vec<_>>>()?;
             watch.lap("render and losses");
-            let pulled = par::map(n, |i| {
+            let bars = par::map(n, |i| {
                 let (field, rendered) = &drawn[i];
                 objects[active[i]].pull(field, rendered)
             });
             watch.lap("adjoint of the render");
             let kept: Vec<_> =
-                read.into_iter().zip(pulled).map(|((next, saved), bar)| (next, saved, bar)).collect();
+                read.into_iter().zip(bars).map(|((next, saved), bar)| (next, saved, bar)).collect();
             let kept: Vec<_> = kept.into_iter().map(std::sync::Mutex::new).collect();
             let made = par::map(n, |i| {
                 let k = active[i];
@@ -451,8 +451,8 @@ impl Fit for Training<'_> {
 
     fn preview(&self, k: usize, count: usize) -> Option<Preview> {
         let shown = self.shown.get(k * self.shown.len() / Ord::max(count, 1))?;
-        let look = self.settings.stage.look(self.range[1].saturating_sub(1));
-        shown.preview(&Ready::new(self.config, self.params()), look)
+        let rendering = self.settings.stage.rendering(self.range[1].saturating_sub(1));
+        shown.preview(&Ready::new(self.config, self.params()), rendering)
     }
 
     fn save(&self, out: &mut Arrays) {

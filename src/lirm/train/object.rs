@@ -241,10 +241,10 @@ impl Object {
         let (value, saved) = mse::forward_over(&pair, mse::Over::All)?;
         // The mean over all rows instead of all numbers.
         let weight = 4.0 * whole * own;
-        let mut pulled = vec![0.0; x.len()];
-        mse::adjoint(&pair, &saved, weight, &mut pulled, None);
+        let mut x_bar = vec![0.0; x.len()];
+        mse::adjoint(&pair, &saved, weight, &mut x_bar, None);
         let back = |(row, axis): (&[f32; 4], &[f32; 3])| std::array::from_fn(|k| row[k] + row[3] * axis[k]);
-        let points = pulled.as_chunks::<4>().0.iter().zip(&directions).map(back).collect();
+        let points = x_bar.as_chunks::<4>().0.iter().zip(&directions).map(back).collect();
         Ok((weight * value, points))
     }
 
@@ -298,7 +298,7 @@ mod tests {
         let params = first(&config, 0);
         let ready = Ready::new(config, &params);
         let (state, _) = ready.read(&ready.no_state(), &object.sets[0], None);
-        let mut field = ready.decode(&state, stage.look(0), object.placement);
+        let mut field = ready.decode(&state, stage.rendering(0), object.placement);
         // Larger texels, so that the signed distance is not the sphere alone.
         let rng = Rng::new(3);
         let texels = field.planes.values.iter_mut().enumerate();

@@ -9,7 +9,7 @@ use crate::fit::field::targets::target;
 use crate::fit::field::{Target, view};
 use crate::fit::training::Preview;
 use crate::lirm::model::config::Config;
-use crate::lirm::model::decode::Look;
+use crate::lirm::model::decode::Rendering;
 use crate::lirm::model::transformer::Input;
 use crate::lirm::model::weights::Ready;
 use crate::lirm::reading::INPUT_SIDE;
@@ -52,9 +52,9 @@ impl Shown {
     }
 
     /// The target as the model sees it.
-    pub(super) fn preview(&self, ready: &Ready<'_>, look: Look) -> Option<Preview> {
+    pub(super) fn preview(&self, ready: &Ready<'_>, rendering: Rendering) -> Option<Preview> {
         let (state, _) = ready.read(&ready.no_state(), &self.inputs, None);
-        let field = ready.decode(&state, look, self.placement);
+        let field = ready.decode(&state, rendering, self.placement);
         let camera = &self.target.camera;
         let image = view::render(&field, None, camera, false).color()?;
         let size = [camera.height, camera.width];

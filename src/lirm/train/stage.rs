@@ -40,7 +40,7 @@
 //! objects keep all channels within a tenth of each other: a model that has seen strongly tinted objects
 //! alone hardly finds bright grey ones before a white background.
 
-use crate::lirm::model::decode::{EARLY_STOP, LEAST_WEIGHT, Look};
+use crate::lirm::model::decode::{EARLY_STOP, LEAST_WEIGHT, Rendering};
 use crate::lirm::model::origin::Part;
 use crate::num::elem::f64 as elem;
 use crate::num::order;
@@ -272,7 +272,7 @@ impl Stage {
     }
 
     /// How fields are rendered in a step.
-    pub(super) fn look(&self, step: usize) -> Look {
+    pub(super) fn rendering(&self, step: usize) -> Rendering {
         let [first, last] = self.inverse_beta.map(f64::from);
         let along = |from: usize, to: usize, [first, last]: [f64; 2]| {
             let part = (step - from) as f64 / Ord::max(to - from, 1) as f64;
@@ -285,7 +285,7 @@ impl Stage {
             true => along(rise, end, [middle, last]),
             false => along(0, end, [first, last]),
         };
-        Look {
+        Rendering {
             samples: self.samples,
             inverse_beta: inverse_beta as f32,
             least_weight: Some(LEAST_WEIGHT),
@@ -345,7 +345,7 @@ mod tests {
     #[test]
     fn stages_are_those_of_the_table_and_do_not_share_objects() {
         let all: Vec<Stage> = NAMES.iter().map(|n| Stage::named(n).expect("a name")).collect();
-        let ends = all.iter().map(|stage| stage.look(0).early_stop.is_some()).collect::<Vec<_>>();
+        let ends = all.iter().map(|stage| stage.rendering(0).early_stop.is_some()).collect::<Vec<_>>();
         assert_eq!(ends, [false, false, false, false, true, true], "opaque rays end from stage 2b on");
         for pair in all.windows(2) {
             // Blocks of 200 objects, the last of which may not be used up.
@@ -356,20 +356,20 @@ mod tests {
         assert_eq!((all[0].rate(0), all[0].rate(99)), (5e-6, 5e-4), "it rises");
         assert!((all[0].rate(2199) - 3.5e-4).abs() < 1e-8, "and falls");
         assert!((all[5].rate(0) - 1e-6).abs() < 1e-12 && all[5].rate(19) == 2e-5, "twenty steps in stage 3");
-        let sharp = [0, 50, 100, 2199].map(|step| all[0].look(step).inverse_beta);
+        let sharp = [0, 50, 100, 2199].map(|step| all[0].rendering(step).inverse_beta);
         assert_eq!(sharp, [10.0, 15.0, 20.0, 40.0], "it doubles while the rate rises");
         let sharp = all[0].clone().with_distances(10.0);
-        assert_eq!([0, 100, 2199].map(|step| sharp.look(step).inverse_beta), [30.0, 60.0, 120.0]);
+        assert_eq!([0, 100, 2199].map(|step| sharp.rendering(step).inverse_beta), [30.0, 60.0, 120.0]);
         let ends = [1, 4, 5].map(|i| all[i].clone().with_distances(10.0).inverse_beta);
         assert_eq!(ends, [[120.0, 120.0], [120.0, 120.0], [120.0, 125.0]], "sharp from the first step");
-        assert_eq!([0, 2199].map(|step| all[1].look(step).inverse_beta), [40.0, 60.0]);
+        assert_eq!([0, 2199].map(|step| all[1].rendering(step).inverse_beta), [40.0, 60.0]);
         assert!(Stage::named("4").is_err());
         let short = Stage { steps: 100, ..all[0].clone() };
         assert_eq!([0, 24].map(|step| short.rate(step)), [2e-5, 5e-4], "a quarter of a short one");
         assert!((short.rate(99) - 3.5e-4).abs() < 1e-6, "its end is the same");
-        assert_eq!([0, 25, 99].map(|step| short.look(step).inverse_beta), [10.0, 20.0, 40.0]);
+        assert_eq!([0, 25, 99].map(|step| short.rendering(step).inverse_beta), [10.0, 20.0, 40.0]);
         let shortest = Stage { steps: 1, ..all[0].clone() };
-        assert_eq!((shortest.rate(0), shortest.look(0).inverse_beta), (5e-4, 10.0), "one step");
+        assert_eq!((shortest.rate(0), shortest.rendering(0).inverse_beta), (5e-4, 10.0), "one step");
     }
 
     #[test]

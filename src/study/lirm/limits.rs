@@ -8,9 +8,10 @@
 //! beside it, is the dB of an object's mean squared error over all images, as few images show many such
 //! pixels.
 
-use super::setup::{FEWEST, Setup, decibels, is_complete, shown, square_error};
+use super::setup::{Setup, decibels, is_complete, shown, square_error};
 use crate::Result;
 use crate::experiment::{Cell, Chart, Experiment, Outcome, Report, Summary, Values, of};
+use crate::fit::field::scores::FEWEST;
 use crate::fit::field::targets::target;
 use crate::fit::field::{Target, view};
 use crate::fit::training::Watch;
@@ -95,7 +96,7 @@ impl Experiment for Limits<'_> {
         for set in protocol.inputs.chunks(SET) {
             state = ready.read_chosen(&state, &views, set, &at)?;
         }
-        let field = ready.decode(&state, p.look, at);
+        let field = ready.decode(&state, p.rendering, at);
         let cells = view::occupancy(&field)?;
         let [mut mirrors, mut others, mut details] = [(); 3].map(|()| Vec::new());
         for i in protocol.outputs.into_iter().take(self.setup.size.outputs) {

@@ -78,7 +78,7 @@ impl Experiment for Relit<'_> {
         for which in protocol.inputs.chunks(SET).take(SETS) {
             state = ready.read_chosen(&state, &views, which, &at)?;
         }
-        let field = ready.decode(&state, self.setup.protocol(model, VERSION).look, at);
+        let field = ready.decode(&state, self.setup.protocol(model, VERSION).rendering, at);
         let cells = view::occupancy(&field)?;
         let [side, texture] = FORM;
         // A field without a surface cannot be relit; how many have one is a number of its own.

@@ -1,9 +1,10 @@
 //! Scenes beyond one object on a turntable: an object that is added between two sets (Fig. 16), and images of
 //! a head-mounted camera through a fisheye and a pinhole (Fig. 17).
 
-use super::setup::{FEWEST, SEED, Setup, decibels, is_complete, shown, square_error, values};
+use super::setup::{SEED, Setup, decibels, is_complete, shown, square_error, values};
 use crate::Result;
 use crate::experiment::{Cell, Chart, Experiment, Outcome, Report, Summary, Values, of, paired, rows};
+use crate::fit::field::scores::FEWEST;
 use crate::fit::field::targets::target;
 use crate::fit::field::view;
 use crate::fit::training::Watch;
@@ -24,6 +25,10 @@ const HEAD: usize = 16;
 /// Of its frames, one in this many, so that they show all sides: it walks around the object in 9 to 18
 /// seconds, and has ten frames per second.
 const ONE_IN: usize = 11;
+
+/// States whose fields are compared: name in values, and title. The last reads the images of set 2 without a
+/// state: what they show by themselves.
+const STATES: [(&str, &str); 3] = [("1", ">set 1, dB"), ("2", ">set 2, dB"), ("alone", ">set 2 alone, dB")];
 
 /// An object that is added between two sets.
 #[derive(Debug)]
@@ -47,7 +52,9 @@ impl Experiment for Added<'_> {
     }
 
     fn settings(&self, _: usize) -> Value {
-        self.setup.record(self.setup.model())
+        let mut record = self.setup.record(self.setup.model());
+        record["states"] = json!(STATES);
+        record
     }
 
     fn run(&self, cell: usize, watch: &mut dyn Watch, _: &AtomicBool) -> Result<Values> {
@@ -66,10 +73,11 @@ impl Experiment for Added<'_> {
         let [first, second] = [&protocol.inputs[..SET], &protocol.inputs[SET..2 * SET]];
         let one = ready.read_chosen(&ready.no_state(), &before, first, &at)?;
         let two = ready.read_chosen(&one, &after, second, &at)?;
-        let states = [one, two];
-        let [mut new, mut old] = [[(); 2].map(|()| Vec::new()), [(); 2].map(|()| Vec::new())];
+        let alone = ready.read_chosen(&ready.no_state(), &after, second, &at)?;
+        let states = [one, two, alone];
+        let [mut new, mut old] = [[(); 3].map(|()| Vec::new()), [(); 3].map(|()| Vec::new())];
         for (n, state) in states.iter().enumerate() {
-            let field = ready.decode(state, p.look, at);
+            let field = ready.decode(state, p.rendering, at);
             let cells = view::occupancy(&field)?;
             for i in protocol.outputs.into_iter().take(self.setup.size.outputs) {
                 let (a, b) = (target(&before.all[i].picture, &at), target(&after.all[i].picture, &at));
@@ -89,10 +97,10 @@ impl Experiment for Added<'_> {
             }
         }
         watch.lap("scores");
-        let names = ["new_1", "new_2", "old_1", "old_2"];
+        let named = |half: &'static str| STATES.iter().map(move |(state, _)| format!("{half}_{state}"));
         // An object that covers the other one in all images has no such pixels, and no value.
-        let all = names.iter().zip(new.iter().chain(&old)).filter(|(_, x)| !x.is_empty());
-        Ok(all.map(|(name, x)| ((*name).to_owned(), decibels(Summary::of(x).mean))).collect())
+        let all = named("new").chain(named("old")).zip(new.iter().chain(&old)).filter(|(_, x)| !x.is_empty());
+        Ok(all.map(|(name, x)| (name, decibels(Summary::of(x).mean))).collect())
     }
 
     fn report(&self, results: &[(Cell, Values)]) -> Report {
@@ -102,13 +110,14 @@ impl Experiment for Added<'_> {
         };
         let (new, old) = (change("new"), change("old"));
         let line = |half: &str, name: &str, s: &Summary| {
-            let of = |n: usize| shown(&Summary::of(&of(results, "two objects", &format!("{name}_{n}"))), 2);
-            vec![half.to_owned(), of(1), of(2), shown(s, 2)]
+            let of = |state: &str| Summary::of(&of(results, "two objects", &format!("{name}_{state}")));
+            let [one, two, alone] = STATES.map(|(state, _)| shown(&of(state), 2));
+            vec![half.to_owned(), one, two, shown(s, 2), alone]
         };
         Report {
             id: "added",
             claim: "An object that is added between two sets: the pixels that it covers gain at least 3 dB over the first state, those of the untouched object lose at most 1 dB (Fig. 16).",
-            head: vec!["pixels", ">set 1, dB", ">set 2, dB", ">change"],
+            head: vec!["pixels", STATES[0].1, STATES[1].1, ">change", STATES[2].1],
             rows: vec![
                 line("of the added object", "new", &new),
                 line("of the untouched object", "old", &old),

@@ -6,7 +6,7 @@ use crate::num::elem::f64 as elem;
 use crate::num::order;
 use crate::{Error, Result};
 use lastlight_lirm::evaluate::{Control, Numbers, Order, Protocol, Typical, settings, typical_materials};
-use lastlight_lirm::model::decode::Look;
+use lastlight_lirm::model::decode::Rendering;
 use lastlight_lirm::model::file::{Model, digest};
 use lastlight_lirm::model::params::count;
 use lastlight_lirm::subject::Subject;
@@ -25,7 +25,7 @@ const OBJECT_BYTES: u64 = 54 << 20;
 /// Part of the memory limit that images may take.
 const PART: u64 = 4;
 /// Counts changes of what the cells compute: results of another number are not used again.
-pub(super) const REVISION: u32 = 2;
+pub(super) const REVISION: u32 = 3;
 
 /// Objects whose images are kept under the limit of memory.
 fn most_kept() -> u64 {
@@ -130,7 +130,7 @@ impl Setup {
             set: settings(SEED, self.size.samples),
             version: version.to_owned(),
             order: Order::Random,
-            look: Look::of_field(self.size.steps, model.inverse_beta()),
+            rendering: Rendering::of_field(self.size.steps, model.inverse_beta()),
             control: Control::None,
             sets: 4,
             outputs: self.size.outputs,
@@ -231,9 +231,6 @@ pub fn shown(s: &Summary, digits: usize) -> String {
         _ => format!("{:.digits$} ± {:.digits$}", s.mean, s.half_width),
     }
 }
-
-/// Fewest pixels of an image that are scored by themselves.
-pub(super) const FEWEST: usize = 20;
 
 /// The mean squared difference of the colours of some pixels; `None` without any.
 pub(super) fn square_error(image: &[f32], truth: &[f32], pixels: &[usize]) -> Option<f64> {

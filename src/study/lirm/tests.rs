@@ -2,7 +2,7 @@
 
 use super::setup::{Named, Setup, Size};
 use super::{curve, limits, occupancy, scenes, scoring, variants};
-use crate::experiment::{Experiment, Outcome, Report, Results, Values};
+use crate::experiment::{Experiment, Outcome, Report, Results, Summary, Values};
 use lastlight_lirm::model::config::Config;
 use lastlight_lirm::model::file::Model;
 use lastlight_lirm::model::origin::Part;
@@ -257,6 +257,22 @@ fn a_grid_is_filled_in_a_row_of_its_own() {
     assert_eq!(outcome(&report), Outcome::Holds, "{}", report.verdict);
     let rows: Vec<&str> = report.rows.iter().map(|row| &*row[2]).collect();
     assert_eq!(rows, ["50.0 ± 0.0", "2.0 ± 0.0", "8.0 ± 0.0"]);
+}
+
+#[test]
+fn saved_time_is_a_part_of_saved_samples() {
+    let setup = setup(vec![model(&[200])]);
+    let x = occupancy::occupied(&setup);
+    let kept = |row: &str, _| vec![("kept".to_owned(), if row == "all steps" { 0.5 } else { 0.05 })];
+    let seconds = |of: [f64; 2]| {
+        let [all, with] = of.map(|s| Summary::of(&[s, s]));
+        vec![("all steps".to_owned(), all), ("occupied cells and early stop".to_owned(), with)]
+    };
+    let results = filled(&x, kept);
+    let line = occupancy::saving(&results, &seconds([16.0, 2.0]));
+    assert!(line.contains(" 10.0 times fewer") && line.contains(" 8.0 times as fast, 0.80 of it"), "{line}");
+    assert_eq!(occupancy::saving(&results, &[]), "", "nothing was timed");
+    assert_eq!(occupancy::saving(&[], &seconds([1.0, 1.0])), "", "nothing was rendered");
 }
 
 #[test]

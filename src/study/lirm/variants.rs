@@ -26,7 +26,7 @@ use crate::{Error, Result};
 use data_gen::cameras;
 use lastlight_lirm::evaluate::{self, SET};
 use lastlight_lirm::model::config::Config;
-use lastlight_lirm::model::decode::Look;
+use lastlight_lirm::model::decode::Rendering;
 use lastlight_lirm::model::weights::Ready;
 use lastlight_lirm::train::optimizer;
 use lastlight_lirm::train::source::Rendered;
@@ -182,7 +182,7 @@ impl Experiment for Variants<'_> {
         let ready = Ready::new(*training.config(), training.params());
         let mut p = self.setup.protocol(self.setup.model(), VERSION);
         let [_, sharpest] = self.training(&kind)?.stage.inverse_beta;
-        p.look = Look::of_field(self.setup.size.steps, sharpest);
+        p.rendering = Rendering::of_field(self.setup.size.steps, sharpest);
         let mut values = Values::new();
         for k in 0..self.setup.size.objects {
             if stop.load(Ordering::Relaxed) {

@@ -13,6 +13,9 @@ use crate::num::{order, sum};
 use crate::scene::field::Field;
 use serde_json::{Value, json};
 
+/// Fewest pixels of an image that are scored by themselves.
+pub const FEWEST: usize = 20;
+
 /// Scores of one view.
 #[derive(Clone, Debug)]
 pub struct Scores {
@@ -38,6 +41,7 @@ pub struct MaterialErrors {
     pub albedo_db: Option<f64>,
     /// The same after the least-squares scale of each channel of the linear values (`PSNR-mask` of
     /// [`crate::loss::metric::orb`]): light and albedo share a scale, which images alone do not determine.
+    /// `None` with fewer than [`FEWEST`] pixels: the scales fit a single one exactly.
     pub albedo_aligned_db: Option<f64>,
     /// `PSNR-A` of [`crate::loss::metric::orb`]: linear values over the whole image, after the same scale.
     pub albedo_orb_db: Option<f64>,
@@ -95,7 +99,8 @@ pub fn materials(
         let (x, y) = (linear(ours), linear(truth));
         let (height, width) = (target.camera.height, target.camera.width);
         let pair = orb::In { x: &x, y: &y, foreground: &covered, height, width };
-        out.albedo_aligned_db = orb::psnr_inside(&pair, false)?.map(decibels);
+        out.albedo_aligned_db =
+            orb::psnr_inside(&pair, false)?.filter(|_| inside.len() >= FEWEST).map(decibels);
         let pair = orb::In { foreground: &target.foreground, ..pair };
         out.albedo_orb_db = Some(decibels(orb::psnr_albedo(&pair)?));
     }
