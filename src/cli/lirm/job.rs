@@ -8,7 +8,6 @@ use crate::fit::training::Watch;
 use crate::io::{atomic, memory};
 use crate::meter::Meter;
 use crate::num::gemm::{Finish, View, gemm};
-use crate::num::order;
 use crate::report::run::Run;
 use crate::report::{self};
 use crate::scene::field::{FILE as FIELD, Placement};
@@ -25,9 +24,7 @@ use std::path::Path;
 const SAMPLE: usize = 512;
 /// Floating-point operations from which the time is estimated before they start.
 const LONG: f64 = 1e12;
-/// Change of a state below which, twice in a row, a note states that further sets change little.
-const SETTLED: f64 = 1e-2;
-/// Gain in dB on held-out images below which the same is stated.
+/// Gain in dB on held-out images below which it is stated that further sets change little.
 const LITTLE: f64 = 0.1;
 
 /// Sets of images to read.
@@ -107,9 +104,7 @@ impl Job<'_> {
                 made.unscored
             ));
         }
-        if let [.., a, b] = made.state.changes[..]
-            && order::max(a, b) < SETTLED
-        {
+        if made.state.is_settled() {
             meter
                 .note("the last two sets changed the state by less than 1 %: more images will change little");
         }

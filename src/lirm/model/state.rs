@@ -46,7 +46,15 @@ pub struct State {
     pub exposure: f64,
 }
 
+/// Relative change of the tokens below which, twice in a row, a state is settled.
+const SETTLED: f64 = 1e-2;
+
 impl State {
+    /// Whether the last two sets changed the tokens by less than 1 %: more will change little.
+    pub fn is_settled(&self) -> bool {
+        matches!(self.changes[..], [.., a, b] if a < SETTLED && b < SETTLED)
+    }
+
     /// Writes the file atomically.
     ///
     /// # Errors
@@ -154,6 +162,9 @@ mod tests {
             images: ["0001.png", "a \"b\".png", "0003.png"].map(str::to_owned).into(),
             exposure: 1.7,
         };
+        let settled = |changes: &[f64]| State { changes: changes.into(), ..state.clone() }.is_settled();
+        assert!(settled(&[0.3, 9e-3, 2e-3]), "twice in a row");
+        assert!(![&[0.3, 1e-3, 2e-2, 1e-3][..], &[1e-3], &[]].into_iter().any(settled));
         let path = dir.path().join(FILE);
         state.write(&path).expect("written");
         assert_eq!(State::read(dir.path()).expect("the file in the folder"), state);
