@@ -1,7 +1,7 @@
 //! `lirm` on captures of any kind, with a model of a configuration file: other scales, sizes and lenses, and what is refused.
 
 use crate::program::{json, lastlight, refused, stderr};
-use lastlight::io::image_file;
+use lastlight::io::image_file::{self, Picture, Samples};
 use lastlight::lirm::model::state::State;
 use serde_json::{Value, json};
 use std::path::Path;
@@ -116,6 +116,84 @@ fn a_capture_of_any_scale_is_placed_by_its_foreground_or_by_a_box() {
     });
     assert!((square - 1.0).abs() < 1e-4, "one unit ahead: {square}");
     assert_eq!(read("single", "--inputs 0000 --box 3,-4,-1,7,0,3", "boxed").placement.center, MOVED);
+}
+
+/// The first images of a set as COLMAP's text files and images with the foreground as alpha.
+fn colmap(from: &Path, to: &Path, keep: usize) {
+    let all = frames(from);
+    let model = to.join("sparse/0");
+    std::fs::create_dir_all(&model).expect("a folder");
+    std::fs::create_dir_all(to.join("images")).expect("a folder");
+    let (mut cameras, mut images) = (String::new(), String::new());
+    for (i, frame) in all["frames"].as_array().expect("frames").iter().take(keep).enumerate() {
+        let number = |key: &str| frame[key].as_f64().or_else(|| all[key].as_f64()).expect("a number");
+        let lens = ["w", "h", "fl_x", "fl_y", "cx", "cy"].map(|key| number(key).to_string()).join(" ");
+        cameras += &format!("{i} PINHOLE {lens}\n");
+        let m =
+            |row: usize, column: usize| frame["transform_matrix"][row][column].as_f64().expect("a number");
+        // Rows of the rotation from world to camera: x right, y down, z ahead.
+        let r: [[f64; 3]; 3] =
+            std::array::from_fn(|k| std::array::from_fn(|j| if k == 0 { m(j, k) } else { -m(j, k) }));
+        let t = r.map(|row| -(0..3).fold(0.0, |sum, j| sum + row[j] * m(j, 3)));
+        // The component of the quaternion that is largest in magnitude, and the others by it.
+        let squares = [
+            1.0 + r[0][0] + r[1][1] + r[2][2],
+            1.0 + r[0][0] - r[1][1] - r[2][2],
+            1.0 - r[0][0] + r[1][1] - r[2][2],
+            1.0 - r[0][0] - r[1][1] + r[2][2],
+        ];
+        let largest = (0..4).max_by(|a, b| squares[*a].total_cmp(&squares[*b])).expect("four");
+        let product = |a: usize, b: usize| match (Ord::min(a, b), Ord::max(a, b)) {
+            (0, 1) => r[2][1] - r[1][2],
+            (0, 2) => r[0][2] - r[2][0],
+            (0, 3) => r[1][0] - r[0][1],
+            (1, 2) => r[0][1] + r[1][0],
+            (1, 3) => r[0][2] + r[2][0],
+            (2, 3) => r[1][2] + r[2][1],
+            (a, _) => squares[a],
+        };
+        let q: [f64; 4] = std::array::from_fn(|k| product(largest, k) / (2.0 * squares[largest].sqrt()));
+        let name =
+            frame["file_path"].as_str().expect("a path").rsplit('/').next().expect("a name").to_owned();
+        let name = if name.ends_with(".png") { name } else { name + ".png" };
+        let pose: Vec<String> = q.iter().chain(&t).map(ToString::to_string).collect();
+        images += &format!("{} {} {i} {name}\n\n", i + 1, pose.join(" "));
+        let [color, alpha] = ["images", "foreground"]
+            .map(|folder| image_file::read(&from.join(folder).join(&name)).expect("an image"));
+        let bytes = |x: &Picture, p: usize| match &x.samples {
+            Samples::U8(all) => all[x.channels.len() * p..][..Ord::min(x.channels.len(), 3)].to_vec(),
+            other => panic!("bytes, not {other:?}"),
+        };
+        let rgba: Vec<u8> = (0..color.width * color.height)
+            .flat_map(|p| [bytes(&color, p), bytes(&alpha, p)[..1].to_vec()].concat())
+            .collect();
+        image_file::write_png(&to.join("images").join(&name), color.width, color.height, 4, &rgba)
+            .expect("written");
+    }
+    std::fs::write(model.join("cameras.txt"), cameras).expect("written");
+    std::fs::write(model.join("images.txt"), images).expect("written");
+    std::fs::write(model.join("points3D.txt"), "").expect("written");
+}
+
+#[test]
+fn a_folder_of_colmap_is_read_like_another_capture() {
+    let work = tempfile::tempdir().expect("a folder");
+    let dir = work.path();
+    tiny(dir);
+    runs("lirm gen --views 6 --framing whole --size 64 --samples 1 --texture 32 --out set -q", dir);
+    colmap(&dir.join("set/object_00000/uniform"), &dir.join("colmap"), 4);
+    let read = |capture: &str, out: &str| {
+        let text = format!(
+            "lirm reconstruct {capture} --model tiny.safetensors --inputs 0000,0001,0002,0003 --box -0.525,-0.525,-0.525,0.525,0.525,0.525 --out {out} -q"
+        );
+        runs(&text, dir);
+        State::read(&dir.join(out)).expect("a state")
+    };
+    let [own, other] = [read("set/object_00000/uniform", "own"), read("colmap", "other")];
+    assert_eq!(own.sets, other.sets);
+    let far = |a: f32, b: f32| (a - b).abs() > 2e-3;
+    let differ = own.tokens.iter().zip(&other.tokens).filter(|(a, b)| far(**a, **b)).count();
+    assert_eq!(differ, 0, "the same images and cameras, of {} numbers", own.tokens.len());
 }
 
 #[test]
