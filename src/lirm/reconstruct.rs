@@ -29,7 +29,8 @@ use crate::{Error, Result};
 const LEVEL: f64 = 0.94;
 /// Numbers per pixel of an [`Input`]: image, rays and photo.
 const INPUT_FLOATS: usize = 12;
-/// Numbers per pixel of a copy of an image while its input is made: colours, coverage, photo, and the resized.
+/// Numbers per pixel of a copy of an image while its input is made: colours, coverage and photo, as they are and
+/// resized; passes, which few captures have, are not counted.
 const COPY_FLOATS: usize = 14;
 
 /// Size of the images that are read.
