@@ -76,7 +76,7 @@ const BYTES: u64 = 4 + 4 + 4 + 2;
   echo '{"planes": 3, "plane_tokens": 11}' > tri.json
   lastlight lirm init --config tri.json --out tri.safetensors             three planes instead of six
 
-The values are those with which lirm train begins. A field of such a model is about a ball of a tenth of the box; the file is for tests of other implementations: names, shapes and layout of all arrays are those of a trained model."#)]
+The values are those with which lirm train begins. The zero level of such a model is about a ball a tenth as wide as the box; the file is for tests of other implementations: names, shapes and layout of all arrays are those of a trained model."#)]
 pub(crate) struct Args {
     /// File for the model, .safetensors in half precision
     #[arg(long, value_name = "FILE")]
