@@ -90,6 +90,24 @@ pub enum Framing {
     Loose,
 }
 
+impl Framing {
+    /// All of them.
+    pub const ALL: [Self; 2] = [Self::Whole, Self::Loose];
+
+    /// Returns the name in settings.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Whole => "whole",
+            Self::Loose => "loose",
+        }
+    }
+
+    /// Returns the framing of that name.
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|framing| framing.name() == name)
+    }
+}
+
 /// Training views of object k: a common angle of view U[15, 85]°, each view with elevation U[−5, 70]° and
 /// azimuth U[0, 360]°.
 ///
@@ -145,6 +163,9 @@ pub struct Test {
     /// The 12 output views, in ascending order.
     pub outputs: [usize; 12],
 }
+
+/// Images of a set of the test inputs.
+pub const SET: usize = 4;
 
 /// Angle of view of test images, degrees.
 pub const TEST_FOV: f64 = 50.0;

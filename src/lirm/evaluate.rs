@@ -17,6 +17,7 @@
 //! | `numerical_normals_deg` | angle of numerical normals | degrees |
 //! | `depth` | absolute difference of depth | units of the object: the ball has the radius ½ |
 //! | `albedo_db`, `mean_albedo_db` | PSNR of albedo after the least-squares scale of each channel, of outputs where at least 20 pixels count; of the mean of training objects | dB |
+//! | `albedo_error`, `mean_albedo_error` | root mean square error of linear albedo after one least-squares factor for all channels, of the same outputs; of the mean of training objects | 0 to 1, linear |
 //! | `roughness`, `metallic` | absolute error | |
 //! | `mean_roughness`, `median_roughness`, `mean_metallic`, `median_metallic` | the same of a constant, the mean or the median of training objects; of constants, the median has the smallest error on their pixels | |
 //! | `distance_radii` | mean distance between the surfaces, samples to triangles | radii of the object |
@@ -27,15 +28,17 @@
 //! with 64. Only scores with equal samples compare.
 //!
 //! # Colours
-//! Built-in objects are nearly grey: a model that ignores hue loses little. With a tint ([`object`]) every
+//! Built-in objects are nearly grey: a model that ignores hue loses little. With a tint ([`score_object`]) every
 //! object has a random colour, `gray` becomes large, and `color` shows whether the model has read it.
-//! (`albedo_db` does not: its channels are scaled one by one.)
+//! (`albedo_db` does not: its channels are scaled one by one. A constant then has the object's own mean colour,
+//! and shows an object of one colour with 40 dB and more, so its mean over objects is that of a few of them;
+//! `albedo_error` is the score that compares a model with the mean of training objects.)
 //!
 //! # Controls
 //! [`Control`] breaks one input of the model; if the score does not fall, the model does not use that input.
 
 use super::baselines::{Hull, blurred, nearest};
-use super::r#gen::{Lighting, Set, Settings};
+use super::r#gen::{Lighting, Set, Settings, Version};
 use super::model::decode::Rendering;
 use super::model::transformer::Input;
 use super::model::weights::Ready;
@@ -53,11 +56,10 @@ use crate::num::{order, par, sum};
 use crate::scene::field::Placement;
 use crate::{Error, Result};
 use data_gen::cameras;
+pub use data_gen::cameras::SET;
 use serde_json::{Value, json};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Images of a set.
-pub const SET: usize = 4;
 /// Pixels per side of an image that is rendered.
 const SIDE: usize = 128;
 /// Cells per axis of the grid from which the surface is extracted.
@@ -77,6 +79,24 @@ pub enum Order {
     Sequential,
 }
 
+impl Order {
+    /// All of them.
+    pub const ALL: [Self; 2] = [Self::Random, Self::Sequential];
+
+    /// Returns the name in settings.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Random => "random",
+            Self::Sequential => "sequential",
+        }
+    }
+
+    /// Returns the order of that name.
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|order| order.name() == name)
+    }
+}
+
 /// What is broken on purpose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Control {
@@ -92,6 +112,35 @@ pub enum Control {
     SwappedColors,
     /// There is no state: after every set, all images so far are read in one round.
     AtOnce,
+}
+
+impl Control {
+    /// All of them.
+    pub const ALL: [Self; 6] = [
+        Self::None,
+        Self::ZeroedState,
+        Self::PermutedCameras,
+        Self::OtherObject,
+        Self::SwappedColors,
+        Self::AtOnce,
+    ];
+
+    /// Returns the name in settings.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::ZeroedState => "zeroed-state",
+            Self::PermutedCameras => "permuted-cameras",
+            Self::OtherObject => "other-object",
+            Self::SwappedColors => "swapped-colors",
+            Self::AtOnce => "at-once",
+        }
+    }
+
+    /// Returns the control of that name.
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|control| control.name() == name)
+    }
 }
 
 /// Numbers by name.
@@ -114,7 +163,7 @@ pub struct Protocol {
     /// The test set.
     pub set: Settings,
     /// Version of the objects.
-    pub version: String,
+    pub version: Version,
     /// Order of the inputs.
     pub order: Order,
     /// How fields are rendered.
@@ -161,7 +210,7 @@ pub struct Typical {
 ///
 /// # Errors
 /// If an object cannot be made.
-pub fn typical_materials(seed: u64, version: &str) -> Result<Typical> {
+pub fn typical_materials(seed: u64, version: Version) -> Result<Typical> {
     let [objects, images] = MEANS;
     let settings = Settings {
         lighting: Lighting::Both,
@@ -302,14 +351,14 @@ fn tinted(views: Views, strength: f64, seed: u64, k: u64) -> Views {
 ///
 /// # Errors
 /// If the object cannot be made, or a render is not finite.
-pub fn object(ready: &Ready<'_>, p: &Protocol, k: u64, strength: f64) -> Result<Scores> {
+pub fn score_object(ready: &Ready<'_>, p: &Protocol, k: u64, strength: f64) -> Result<Scores> {
     let rendered =
-        |k: u64| Ok::<_, Error>(tinted(Views::rendered(&p.set, k, &p.version)?, strength, p.set.seed, k));
+        |k: u64| Ok::<_, Error>(tinted(Views::rendered(&p.set, k, p.version)?, strength, p.set.seed, k));
     let other = (p.control == Control::OtherObject).then(|| rendered(k + 1)).transpose()?;
-    views(ready, p, k, &rendered(k)?, other.as_ref())
+    score_views(ready, p, k, &rendered(k)?, other.as_ref())
 }
 
-/// [`object`] with images that are there, as they are: those of object k, and those that the sets after the
+/// [`score_object`] with images that are there, as they are: those of object k, and those that the sets after the
 /// first show instead.
 ///
 /// # Errors
@@ -317,7 +366,7 @@ pub fn object(ready: &Ready<'_>, p: &Protocol, k: u64, strength: f64) -> Result<
 ///
 /// # Panics
 /// If there are fewer images than those of a test set, 48.
-pub fn views(
+pub fn score_views(
     ready: &Ready<'_>,
     p: &Protocol,
     k: u64,
@@ -338,11 +387,11 @@ pub fn views(
             _ => ready.read(&state, set, None).0,
         };
         let at = axes(ready, p, k, views, round)?;
-        let (mut numbers, image) = state_and_image(ready, p, (&state, at), k, views)?;
+        let (mut numbers, image) = score_state_and_image(ready, p, (&state, at), k, views)?;
         if p.baselines {
             let so_far =
                 |of: &'_ Views| order[..SET * (round + 1)].iter().map(|i| of.all[*i].clone()).collect();
-            numbers.extend(baselines(p, k, views, [so_far(views), so_far(&small)])?);
+            numbers.extend(score_baselines(p, k, views, [so_far(views), so_far(&small)])?);
         }
         scored.rounds.push(numbers);
         scored.images.push(image);
@@ -356,7 +405,7 @@ fn averaged(all: BTreeMap<&'static str, Vec<f64>>) -> Numbers {
 }
 
 /// The scores of the nearest input and of the hull of some inputs, in full and as the model reads them.
-fn baselines(p: &Protocol, k: u64, views: &Views, so_far: [Vec<View>; 2]) -> Result<Numbers> {
+fn score_baselines(p: &Protocol, k: u64, views: &Views, so_far: [Vec<View>; 2]) -> Result<Numbers> {
     let [so_far, small] = so_far.each_ref().map(|views| views.iter().collect::<Vec<&View>>());
     let [hull, small] = [&so_far, &small].map(|views| Hull::new(views));
     let mut all: BTreeMap<&'static str, Vec<f64>> = BTreeMap::new();
@@ -384,18 +433,18 @@ fn baselines(p: &Protocol, k: u64, views: &Views, so_far: [Vec<View>; 2]) -> Res
 ///
 /// # Panics
 /// If there are fewer images than those of a test set, 48, or the state is not one of the model.
-pub fn state(
+pub fn score_state(
     ready: &Ready<'_>,
     p: &Protocol,
     state: (&[f32], Placement),
     k: u64,
     views: &Views,
 ) -> Result<Numbers> {
-    Ok(state_and_image(ready, p, state, k, views)?.0)
+    Ok(score_state_and_image(ready, p, state, k, views)?.0)
 }
 
 /// The scores of a state, and its first output beside the truth.
-fn state_and_image(
+fn score_state_and_image(
     ready: &Ready<'_>,
     p: &Protocol,
     (state, at): (&[f32], Placement),
@@ -408,7 +457,7 @@ fn state_and_image(
     let mut first = None;
     for i in outputs_of(p, k) {
         let truth = target(&views.all[i].picture, &at);
-        let (numbers, image) = output(&field, &cells, &truth, p)?;
+        let (numbers, image) = score_output(&field, &cells, &truth, p)?;
         numbers.into_iter().for_each(|(name, x)| all.entry(name).or_default().push(x));
         first.get_or_insert([image, truth.color]);
     }
@@ -417,9 +466,9 @@ fn state_and_image(
         let truth = Subject::new(&p.set, k)?.object.mesh;
         let settings = mesh::Settings { side: CELLS, ..mesh::Settings::default() };
         // A field without a surface has no distance; how many have one is a number of its own.
-        let found = mesh::shape(&field, &settings);
-        numbers.insert("has_surface", if found.is_ok() { 1.0 } else { 0.0 });
-        if let Ok((mut surface, ..)) = found {
+        let found = mesh::shape(&field, &settings)?;
+        numbers.insert("has_surface", if found.is_some() { 1.0 } else { 0.0 });
+        if let Some((mut surface, ..)) = found {
             for x in &mut surface.positions {
                 *x = at.to_world(x.map(f64::from)).map(|x| x as f32);
             }
@@ -430,7 +479,7 @@ fn state_and_image(
 }
 
 /// The scores of one output, and its image.
-fn output(
+fn score_output(
     field: &crate::scene::field::Field,
     cells: &crate::field::occupancy::Occupancy,
     truth: &Target,
@@ -443,6 +492,7 @@ fn output(
         ("numerical_normals_deg", s.numerical_deg),
         ("depth", s.depth),
         ("albedo_db", m.albedo_aligned_db),
+        ("albedo_error", m.albedo_error),
         ("roughness", m.roughness),
         ("metallic", m.metallic),
     ];
@@ -470,6 +520,7 @@ fn output(
         let (mean, median) = (of(typical.mean)?, of(typical.median)?);
         let of_constants = [
             ("mean_albedo_db", mean.albedo_aligned_db),
+            ("mean_albedo_error", mean.albedo_error),
             ("mean_roughness", mean.roughness),
             ("mean_metallic", mean.metallic),
             ("median_roughness", median.roughness),

@@ -7,7 +7,7 @@
 //! digests recorded in `object.json`; images with other digests are rendered again (files are not flushed to
 //! disk explicitly, so a power failure can leave them empty).
 
-use super::settings::{Settings, VERSIONS};
+use super::settings::{Settings, Version};
 use super::shots::shots;
 use super::truth;
 use crate::fit::passes::{self, Recorder};
@@ -23,7 +23,7 @@ pub(super) const FORMAT: &str = "lastlight lirm gen 1";
 
 /// Removes the temporary files of a killed run. A run that is not resumed also removes the existing set, its
 /// records first, so that a folder never mixes two sets.
-pub(super) fn begin(dir: &Path, asked: &Map<String, Value>, resume: bool) -> Result<()> {
+pub(super) fn begin(dir: &Path, settings_record: &Map<String, Value>, resume: bool) -> Result<()> {
     if !dir.is_dir() {
         return Ok(());
     }
@@ -38,7 +38,7 @@ pub(super) fn begin(dir: &Path, asked: &Map<String, Value>, resume: bool) -> Res
     }
     let record = dir.join(RECORD);
     if resume && record.is_file() {
-        same_settings(&record, asked)?;
+        same_settings(&record, settings_record)?;
     } else if resume && !atomic::is_unused(dir)? {
         return Err(Error::input("--resume")
             .at(dir.display().to_string())
@@ -55,29 +55,29 @@ pub(super) fn begin(dir: &Path, asked: &Map<String, Value>, resume: bool) -> Res
     for object in &objects {
         atomic::remove(&object.join(OBJECT))?;
         truth::clear(object)?;
-        VERSIONS.iter().try_for_each(|version| passes::clear(&object.join(version)))?;
+        Version::ALL.iter().try_for_each(|version| passes::clear(&object.join(version.name())))?;
     }
     Ok(())
 }
 
 /// Writes the record of the set in `dir` before the first image; an existing record is kept.
-pub(super) fn announce(dir: &Path, asked: &Map<String, Value>) -> Result<()> {
+pub(super) fn announce(dir: &Path, settings_record: &Map<String, Value>) -> Result<()> {
     let path = dir.join(RECORD);
     if path.is_file() {
         return Ok(());
     }
     std::fs::create_dir_all(dir).map_err(|e| Error::os(dir, &e))?;
-    let top = json!({ "format": FORMAT, "complete": false, "settings": asked, "objects": [] });
+    let top = json!({ "format": FORMAT, "complete": false, "settings": settings_record, "objects": [] });
     atomic::write_bytes(&path, format!("{top:#}\n").as_bytes())
 }
 
 /// Reads a record and checks that its settings equal these.
-fn same_settings(path: &Path, asked: &Map<String, Value>) -> Result<Value> {
+fn same_settings(path: &Path, settings_record: &Map<String, Value>) -> Result<Value> {
     let bytes = crate::io::read_bytes(path, crate::io::MAX_SMALL_FILE_BYTES)?;
     let name = path.display().to_string();
     let record = crate::io::json::parse(&bytes, &name)
         .map_err(|e| e.hint("remove the file to generate the set again"))?;
-    if record["settings"].as_object() == Some(asked) {
+    if record["settings"].as_object() == Some(settings_record) {
         return Ok(record);
     }
     Err(Error::input("--resume")
@@ -109,14 +109,14 @@ pub(super) fn write_object(folder: &Path, record: &Value) -> Result<()> {
 pub(super) fn finished(
     folder: &Path,
     settings: &Settings,
-    asked: &Map<String, Value>,
+    settings_record: &Map<String, Value>,
     k: u64,
 ) -> Result<Option<Value>> {
     let path = folder.join(OBJECT);
     if !path.is_file() {
         return Ok(None);
     }
-    let mut record = same_settings(&path, asked)?;
+    let mut record = same_settings(&path, settings_record)?;
     let digest = record.as_object_mut().and_then(|entries| entries.shift_remove("digest"));
     if digest != Some(sealed(&record)) {
         return Err(Error::input("--resume")
@@ -127,9 +127,9 @@ pub(super) fn finished(
     }
     let (shots, _) = shots(settings, k);
     let mut is_whole = true;
-    for (n, (version, ..)) in settings.versions().into_iter().enumerate() {
-        let dir = folder.join(version);
-        let there = Recorder::verify(&dir, header(asked, k, version), &shots)?;
+    for (n, version) in settings.versions().into_iter().enumerate() {
+        let dir = folder.join(version.name());
+        let there = Recorder::verify(&dir, header(settings_record, k, version), &shots)?;
         if there.is_some_and(|there| record["versions"][n]["digest"] != hex(there.digest)) {
             return Err(Error::input("--resume")
                 .at(dir.display().to_string())
@@ -144,8 +144,8 @@ pub(super) fn finished(
 }
 
 /// The header of the `transforms.json` of a version of object k.
-pub(super) fn header(asked: &Map<String, Value>, k: u64, version: &str) -> Map<String, Value> {
-    let made = json!({ "object": k, "version": version, "settings": asked });
+pub(super) fn header(settings_record: &Map<String, Value>, k: u64, version: Version) -> Map<String, Value> {
+    let made = json!({ "object": k, "version": version.name(), "settings": settings_record });
     Map::from_iter([("lirm_gen".to_owned(), made)])
 }
 

@@ -15,7 +15,7 @@
 //! The module `folder` describes how a folder is created, resumed and overwritten.
 
 use super::folder::{FORMAT, RECORD, announce, begin, finished, header, hex, write_object};
-pub use super::settings::{Lighting, Set, Settings};
+pub use super::settings::{Lighting, Set, Settings, Version};
 use super::shots::shots;
 use super::subject::{Light, Subject};
 use super::truth;
@@ -24,7 +24,6 @@ use crate::geometry::bvh::Bvh;
 use crate::io::atomic;
 use crate::num::par;
 use crate::num::rng::{self, Rng};
-use crate::scene::camera::Camera;
 use crate::scene::from_data_gen;
 use crate::scene::light::Lights;
 use crate::scene::mesh::Object;
@@ -65,7 +64,7 @@ pub fn run(
     progress: &mut dyn FnMut(usize, usize, &str),
 ) -> Result<Summary> {
     settings.validate()?;
-    let per_object = settings.pictures() * settings.versions().len();
+    let per_object = settings.image_count() * settings.versions().len();
     let total = per_object * settings.objects as usize;
     let (mut listed, mut rendered, mut digest) = (Vec::new(), 0, crate::num::bits::Digest::new());
     let record = settings.record()?;
@@ -80,10 +79,10 @@ pub fn run(
         let object = match kept {
             Some(object) => object,
             None => {
-                let mut looked = 0;
+                let mut visited = 0;
                 let (object, made) = job.object(&folder, k, &mut |label| {
-                    progress(done + looked, total, &format!("{name} · {label}"));
-                    looked += 1;
+                    progress(done + visited, total, &format!("{name} · {label}"));
+                    visited += 1;
                 })?;
                 rendered += made;
                 object
@@ -122,7 +121,7 @@ impl Job<'_> {
         let Job { settings, .. } = *self;
         atomic::sweep(folder)?;
         let versions = settings.versions();
-        let needs_map = versions.iter().any(|v| v.1);
+        let needs_map = versions.iter().any(|version| version.is_under_map());
         let (subject, light) = par::join(
             || Subject::new(settings, k),
             || if needs_map { Light::new(settings, k).map(Some) } else { Ok(None) },
@@ -132,23 +131,23 @@ impl Job<'_> {
         let bvh = Bvh::build(&subject.object.mesh.positions, &subject.object.mesh.triangles);
         let (shots, protocol) = shots(settings, k);
         let (mut records, mut rendered) = (Vec::new(), 0);
-        for (version, under_map, is_shiny) in versions {
-            let lights = lights(light.as_ref().filter(|_| under_map));
+        for version in versions {
+            let lights = lights(light.as_ref().filter(|_| version.is_under_map()));
             let gloss = subject.gloss(settings.seed, k);
-            let shiny: Option<Object> = is_shiny.then(|| subject.with_roughness(gloss));
+            let shiny: Option<Object> = version.is_shiny().then(|| subject.with_roughness(gloss));
             let object = shiny.as_ref().unwrap_or(&subject.object);
             let scene = Scene::new(object, &bvh, &lights)?;
-            let capture = Capture { settings, k, scene: &scene, exposed: under_map };
+            let capture = Capture { settings, k, scene: &scene, exposed: version.is_under_map() };
             let header = header(self.record, k, version);
-            let recorder = Recorder::open(&folder.join(version), header, self.resume)?;
-            let (digest, count) = capture.shoot(recorder, &shots, self.stop, &mut || made(version))?;
+            let recorder = Recorder::open(&folder.join(version.name()), header, self.resume)?;
+            let (digest, count) = capture.shoot(recorder, &shots, self.stop, &mut || made(version.name()))?;
             rendered += count;
             let mut record = json!({
-                "folder": version,
-                "lighting": if under_map { "environment" } else { "uniform" },
+                "folder": version.name(),
+                "lighting": if version.is_under_map() { Lighting::Environment } else { Lighting::Uniform }.name(),
                 "digest": hex(digest),
             });
-            if is_shiny {
+            if version.is_shiny() {
                 record["roughness_factor"] = json!(f64::from(gloss));
             }
             records.push(record);
@@ -175,46 +174,26 @@ impl Job<'_> {
     }
 }
 
-/// An image in memory.
-pub(super) struct Rendered {
-    /// Name in a set.
-    pub(super) name: String,
-    /// The camera in the middle of the exposure, as a set has it.
-    pub(super) camera: Camera,
-    /// What was rendered.
-    pub(super) passes: Passes,
-    /// Factor from radiance to the image.
-    pub(super) exposure: f32,
-    /// The exposed radiance with sensor noise, of which the photo is made.
-    pub(super) sensed: Option<Vec<[f32; 3]>>,
-}
-
 /// One version of an object in memory, with the cameras and light of object k.
 ///
 /// # Errors
-/// If a model or a map is invalid, or there is no such version.
+/// If a model or a map is invalid.
 pub(super) fn in_memory(
     settings: &Settings,
     k: u64,
-    version: &str,
+    version: Version,
     subject: &Subject,
-) -> Result<Vec<Rendered>> {
-    let known = settings.versions().into_iter().find(|v| v.0 == version);
-    let (_, under_map, is_shiny) = known.ok_or_else(|| {
-        let names: Vec<&str> = settings.versions().iter().map(|v| v.0).collect();
-        Error::input("version of an object").expected(names.join(", ")).got(version)
-    })?;
-    let light = if under_map { Some(Light::new(settings, k)?) } else { None };
+) -> Result<Vec<(Shot, RenderedImage)>> {
+    let light = if version.is_under_map() { Some(Light::new(settings, k)?) } else { None };
     let bvh = Bvh::build(&subject.object.mesh.positions, &subject.object.mesh.triangles);
     let lights = lights(light.as_ref());
-    let shiny = is_shiny.then(|| subject.with_roughness(subject.gloss(settings.seed, k)));
+    let shiny = version.is_shiny().then(|| subject.with_roughness(subject.gloss(settings.seed, k)));
     let scene = Scene::new(shiny.as_ref().unwrap_or(&subject.object), &bvh, &lights)?;
-    let capture = Capture { settings, k, scene: &scene, exposed: under_map };
+    let capture = Capture { settings, k, scene: &scene, exposed: version.is_under_map() };
     let (shots, _) = shots(settings, k);
     let one = |(i, shot): (usize, Shot)| {
-        let Picture { passes, style, sensed } = capture.picture(i, &shot)?;
-        let (camera, exposure) = (shot.middle(), style.exposure);
-        Ok(Rendered { name: shot.name, camera, passes, exposure, sensed })
+        let image = capture.render(i, &shot)?;
+        Ok((shot, image))
     };
     shots.into_iter().enumerate().map(one).collect()
 }
@@ -248,7 +227,7 @@ impl Capture<'_> {
         count: &mut dyn FnMut(),
     ) -> Result<(u64, usize)> {
         let mut rendered = 0;
-        let mut ready: Option<(&Shot, Picture)> = None;
+        let mut ready: Option<(&Shot, RenderedImage)> = None;
         for (i, shot) in shots.iter().enumerate() {
             count();
             if recorder.has(shot)? {
@@ -257,25 +236,25 @@ impl Capture<'_> {
             let stopped = stop.load(Ordering::Relaxed);
             let waiting = ready.take();
             let (next, written) = par::join(
-                || if stopped { Ok(None) } else { self.picture(i, shot).map(Some) },
-                || waiting.map_or(Ok(()), |(shot, picture)| picture.put(&mut recorder, shot)),
+                || if stopped { Ok(None) } else { self.render(i, shot).map(Some) },
+                || waiting.map_or(Ok(()), |(shot, image)| image.put(&mut recorder, shot)),
             );
             written?;
             match next? {
-                Some(picture) => {
+                Some(image) => {
                     rendered += 1;
-                    ready = Some((shot, picture));
+                    ready = Some((shot, image));
                 }
                 None => return Err(Error::interrupted("rendering").hint("continue with --resume")),
             }
         }
-        if let Some((shot, picture)) = ready {
-            picture.put(&mut recorder, shot)?;
+        if let Some((shot, image)) = ready {
+            image.put(&mut recorder, shot)?;
         }
         Ok((recorder.finish(shots)?, rendered))
     }
 
-    fn picture(&self, i: usize, shot: &Shot) -> Result<Picture> {
+    fn render(&self, i: usize, shot: &Shot) -> Result<RenderedImage> {
         let s = self.settings;
         let seed = Rng::new(s.seed).derive(self.k, i as u32, RENDER_PURPOSE);
         let tracing = Tracing { samples: s.samples, bounces: s.bounces, seed, ..Tracing::default() };
@@ -286,19 +265,21 @@ impl Capture<'_> {
             Sensor::default().apply(&mut signal, rng::derive(s.seed, self.k, SENSOR_PURPOSE), i as u32);
             signal
         });
-        Ok(Picture { passes, style: Style { exposure, transparent: false, passes: s.passes }, sensed })
+        Ok(RenderedImage { passes, style: Style { exposure, transparent: false, passes: s.passes }, sensed })
     }
 }
 
-/// An image to be written.
-struct Picture {
-    passes: Passes,
-    style: Style,
-    /// The exposed radiance with sensor noise, which is written to the photo but not to `radiance/`.
-    sensed: Option<Vec<[f32; 3]>>,
+/// An image of an object.
+pub(super) struct RenderedImage {
+    /// What was rendered.
+    pub(super) passes: Passes,
+    /// How it is written, with the factor from radiance to the photo.
+    pub(super) style: Style,
+    /// The exposed radiance with sensor noise, of which the photo is made, but not `radiance/`.
+    pub(super) sensed: Option<Vec<[f32; 3]>>,
 }
 
-impl Picture {
+impl RenderedImage {
     fn put(&self, recorder: &mut Recorder, shot: &Shot) -> Result<()> {
         recorder.put_with(shot, &self.passes, &self.style, self.sensed.as_deref())
     }

@@ -25,7 +25,7 @@ use crate::scene::field::{Field, Placement};
 use crate::scene::views::SceneBox;
 use crate::{Error, Result};
 
-/// Cosine of the largest angle between up in the images and z for which a capture is z up.
+/// Cosine of the largest angle between up in the images and z for which a capture is z up: 20°, a choice.
 const LEVEL: f64 = 0.94;
 /// Numbers per pixel of an [`Input`]: image, rays and photo.
 const INPUT_FLOATS: usize = 12;
@@ -84,7 +84,7 @@ pub struct Work {
 
 /// What was made.
 #[derive(Clone, Debug)]
-pub struct Made {
+pub struct Products {
     /// The state after all sets.
     pub state: State,
     /// Its field.
@@ -229,7 +229,7 @@ impl Reconstruction<'_> {
     ///
     /// # Errors
     /// When an image cannot be read, or a number is not finite.
-    pub fn run(&self, start: Start, place: Placement, watch: &mut dyn Watch) -> Result<Made> {
+    pub fn run(&self, start: Start, place: Placement, watch: &mut dyn Watch) -> Result<Products> {
         let (model, pictures) = (self.model, self.pictures);
         let before = match start {
             Start::Nothing(..) => None,
@@ -247,7 +247,10 @@ impl Reconstruction<'_> {
         let first = before.as_ref().map_or_else(|| ready.no_state(), |s| s.tokens.clone());
         let (tokens, changes) = ready.read_all(&first, &sets);
         if let Some(bad) = tokens.iter().find(|x| !x.is_finite()) {
-            return Err(Error::check("LIRM state").expected("finite numbers").got(bad.to_string()));
+            return Err(Error::check("LIRM state")
+                .expected("finite numbers")
+                .got(bad.to_string())
+                .hint("the products of this model's weights overflow; try another --model"));
         }
         watch.lap("transformer");
         let field = ready.decode(&tokens, self.rendering, place);
@@ -288,6 +291,6 @@ impl Reconstruction<'_> {
             images,
             exposure,
         };
-        Ok(Made { state, field, changes, scored, before, again, unscored: seen.len() })
+        Ok(Products { state, field, changes, scored, before, again, unscored: seen.len() })
     }
 }

@@ -9,8 +9,45 @@ use data_gen::cameras::Framing;
 use serde_json::{Map, Value, json};
 use std::path::PathBuf;
 
-/// Names of the versions of an object.
-pub(super) const VERSIONS: [&str; 3] = ["uniform", "environment", "shiny"];
+/// A version of an object: its light, and whether its materials are smoother.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Version {
+    /// Under a white dome of radiance 1.
+    Uniform,
+    /// Under the map of the object.
+    Environment,
+    /// Under the map, with smaller roughness.
+    Shiny,
+}
+
+impl Version {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Uniform, Self::Environment, Self::Shiny];
+
+    /// Returns the name, which is that of the folder.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Uniform => "uniform",
+            Self::Environment => "environment",
+            Self::Shiny => "shiny",
+        }
+    }
+
+    /// Returns the version of that name.
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|version| version.name() == name)
+    }
+
+    /// Whether the light is a map.
+    pub fn is_under_map(self) -> bool {
+        self != Self::Uniform
+    }
+
+    /// Whether materials are smoother.
+    pub fn is_shiny(self) -> bool {
+        self == Self::Shiny
+    }
+}
 
 /// The lighting of a set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,6 +60,25 @@ pub enum Lighting {
     Both,
 }
 
+impl Lighting {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Uniform, Self::Environment, Self::Both];
+
+    /// Returns the name in settings.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Uniform => "uniform",
+            Self::Environment => "environment",
+            Self::Both => "both",
+        }
+    }
+
+    /// Returns the lighting of that name.
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|lighting| lighting.name() == name)
+    }
+}
+
 /// The cameras of a set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Set {
@@ -33,6 +89,25 @@ pub enum Set {
     Test,
     /// A head-mounted camera, with motion blur and sensor noise; every eighth image is in the test split.
     Egocentric,
+}
+
+impl Set {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Train, Self::Test, Self::Egocentric];
+
+    /// Returns the name in settings.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Train => "train",
+            Self::Test => "test",
+            Self::Egocentric => "egocentric",
+        }
+    }
+
+    /// Returns the cameras of that name.
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|set| set.name() == name)
+    }
 }
 
 /// Settings of a set.
@@ -75,7 +150,7 @@ pub struct Settings {
     pub texture: usize,
     /// Number of columns of a built-in map; it has half as many rows.
     pub map_width: usize,
-    /// Whether to write passes other than photo and foreground.
+    /// Passes to write besides photo and foreground.
     pub passes: PassSet,
     /// Whether to write shape, materials and map.
     pub truth: bool,
@@ -155,7 +230,7 @@ impl Settings {
     }
 
     /// Number of images of one object under one light.
-    pub(super) fn pictures(&self) -> usize {
+    pub(super) fn image_count(&self) -> usize {
         if self.set == Set::Test { 48 } else { self.views }
     }
 
@@ -164,19 +239,14 @@ impl Settings {
         if self.set == Set::Egocentric { self.camera } else { Model::Pinhole }
     }
 
-    /// Versions of an object: folder, whether under the map, whether shiny.
-    pub(super) fn versions(&self) -> Vec<(&'static str, bool, bool)> {
-        let mut out = Vec::new();
-        if self.lighting != Lighting::Environment {
-            out.push((VERSIONS[0], false, false));
-        }
-        if self.lighting != Lighting::Uniform {
-            out.push((VERSIONS[1], true, false));
-            if self.shiny {
-                out.push((VERSIONS[2], true, true));
-            }
-        }
-        out
+    /// Versions of an object.
+    pub(super) fn versions(&self) -> Vec<Version> {
+        let has = |version: &Version| match version {
+            Version::Uniform => self.lighting != Lighting::Environment,
+            Version::Environment => self.lighting != Lighting::Uniform,
+            Version::Shiny => self.lighting != Lighting::Uniform && self.shiny,
+        };
+        Version::ALL.into_iter().filter(has).collect()
     }
 
     /// All settings that affect an object's files, for resumed runs and for readers. Files are identified by
@@ -191,13 +261,13 @@ impl Settings {
             ("meshes", json!(names(&self.meshes)?)),
             ("maps", json!(names(&self.maps)?)),
             ("map_axes", json!([o.orientation.name(), o.mirror, o.rotate, o.scale])),
-            ("lighting", json!(format!("{:?}", self.lighting).to_lowercase())),
+            ("lighting", json!(self.lighting.name())),
             ("shiny", json!(self.shiny)),
-            ("set", json!(format!("{:?}", self.set).to_lowercase())),
+            ("set", json!(self.set.name())),
             ("camera", json!(self.model().name())),
-            ("views", json!(self.pictures())),
+            ("views", json!(self.image_count())),
             ("size", json!(self.size)),
-            ("framing", json!(format!("{:?}", self.framing).to_lowercase())),
+            ("framing", json!(self.framing.name())),
             ("samples", json!(self.samples)),
             ("bounces", json!(self.bounces)),
             ("texture", json!(self.texture)),

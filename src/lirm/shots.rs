@@ -5,7 +5,7 @@ use crate::fit::passes::Shot;
 use crate::io::capture::Split;
 use crate::scene::camera::{Camera, Model};
 use crate::scene::from_data_gen;
-use data_gen::cameras::{self, CameraView};
+use data_gen::cameras::{self, CameraView, SET};
 use serde_json::{Map, Value, json};
 
 /// The shots of an object, and for a test set the order and choice of its inputs.
@@ -39,7 +39,7 @@ pub(super) fn shots(settings: &Settings, k: u64) -> (Vec<Shot>, Option<Value>) {
             };
             let shots = t.views.iter().enumerate().map(|(i, p)| still(i, p, split(i))).collect();
             let names = |list: &[usize]| list.iter().map(|i| format!("{i:04}")).collect::<Vec<_>>();
-            let sets = |list: &[usize]| list.chunks(4).map(names).collect::<Vec<_>>();
+            let sets = |list: &[usize]| list.chunks(SET).map(names).collect::<Vec<_>>();
             let protocol = json!({
                 "input_sets_random": sets(&t.inputs),
                 "input_sets_sequential": sets(&t.sequential),

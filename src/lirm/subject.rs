@@ -17,13 +17,13 @@ use std::path::Path;
 
 /// Factor of the roughness of a shiny version; the item is the object.
 const GLOSS_PURPOSE: u16 = 0x0310;
+/// Rotation (draw 0) and brightness (draw 1) of a map from a file; the item is the object.
+const MAP_PURPOSE: u16 = 0x0421;
+
 /// The last part of a path, so that records do not depend on the location of a file.
 fn file_name(path: &Path) -> String {
     path.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
-
-/// Rotation (draw 0) and brightness (draw 1) of a map from a file; the item is the object.
-const MAP_PURPOSE: u16 = 0x0421;
 
 /// An object inside the ball of radius ½ around the origin.
 #[derive(Clone, Debug)]

@@ -1,11 +1,9 @@
 //! Shape, materials and light of an object as files: the reference for a reconstruction from its images.
 //!
 //! ```text
-//! object.glb        mesh, materials and textures (PNG), as rendered: `scene::model` reads it back as the
-//! object
-//! environment.exr   R G B, the environment map, in the orientation of `scene::light`, rotated and scaled as
-//! for the images;
-//!                   only for objects rendered under a map (`uniform` is a white dome of radiance 1)
+//! object.glb        mesh, materials and textures (PNG), as rendered; `scene::model` reads it back
+//! environment.exr   R G B, the environment map in the orientation of `scene::light`, rotated and scaled
+//!                   as for the images; only for objects that were rendered under a map
 //! ```
 //!
 //! Positions, normals, texture coordinates, factors and radiance keep their bits, textures their bytes.

@@ -11,7 +11,7 @@
 //! behind the object too.
 
 use super::r#gen::in_memory;
-use super::settings::Settings;
+use super::settings::{Settings, Version};
 use super::subject::Subject;
 use crate::fit::exposure::{Photograph, expose as expose_photographs};
 use crate::fit::field::place::{Pose, posed};
@@ -42,25 +42,28 @@ pub struct Views {
     pub placement: Placement,
 }
 
-/// The photos in the exposure that their images over white have been given: a factor from radiance.
-fn photos(rgb: &[&[u8]], pictures: &[Picture], factor: f64) -> Result<Vec<Vec<f32>>> {
+/// The photos in the exposure that their images over white have been given, a factor from radiance; as they
+/// are, if those were given none.
+fn photos(rgb: &[&[u8]], pictures: &[Picture], factor: Option<f64>) -> Result<Vec<Vec<f32>>> {
     let one = |(rgb, p): (&&[u8], &Picture)| {
         let values: Vec<f32> = rgb.iter().map(|b| f32::from(*b) / 255.0).collect();
         let color = values.as_chunks::<3>().0.to_vec();
         let foreground = p.foreground.clone();
-        Photograph { color, foreground, exposure: p.passes.exposure.unwrap_or(factor) }
+        Photograph { color, foreground, exposure: p.passes.exposure.unwrap_or(1.0) }
     };
     let mut all: Vec<Photograph> = rgb.iter().zip(pictures).map(one).collect();
-    expose_photographs(&mut all, factor)?;
+    if let Some(factor) = factor {
+        expose_photographs(&mut all, factor)?;
+    }
     Ok(all.into_iter().map(|p| p.color.into_flattened()).collect())
 }
 
 impl Views {
-    /// Renders object `k` in memory, with the settings of a set and the name of a version.
+    /// Renders object `k` in memory, with the settings of a set.
     ///
     /// # Errors
-    /// If a model or a map is invalid, or there is no such version.
-    pub fn rendered(settings: &Settings, k: u64, version: &str) -> Result<Self> {
+    /// If a model or a map is invalid.
+    pub fn rendered(settings: &Settings, k: u64, version: Version) -> Result<Self> {
         Self::of_subject(settings, k, version, &Subject::new(settings, k)?)
     }
 
@@ -68,12 +71,12 @@ impl Views {
     ///
     /// # Errors
     /// Those of [`Self::rendered`].
-    pub fn of_subject(settings: &Settings, k: u64, version: &str, subject: &Subject) -> Result<Self> {
+    pub fn of_subject(settings: &Settings, k: u64, version: Version, subject: &Subject) -> Result<Self> {
         let made = in_memory(settings, k, version, subject)?;
         let (mut rgb, mut pictures) = (Vec::with_capacity(made.len()), Vec::with_capacity(made.len()));
-        for image in &made {
-            let (photo, passes) = as_read(&image.passes, image.exposure, image.sensed.as_deref())?;
-            let photo_of = Photo { name: &image.name, camera: &image.camera, rgb: &photo };
+        for (shot, image) in &made {
+            let (photo, passes) = as_read(&image.passes, image.style.exposure, image.sensed.as_deref())?;
+            let photo_of = Photo { name: &shot.name, camera: &shot.middle(), rgb: &photo };
             pictures.push(photo_of.rendered(passes));
             rgb.push(photo);
         }
@@ -87,7 +90,7 @@ impl Views {
     pub fn of_capture(from: &Pictures, which: &[usize], placement: Placement) -> Result<Self> {
         let pictures: Vec<Picture> = which.iter().map(|i| from.pictures[*i].clone()).collect();
         let rgb: Vec<&[u8]> = which.iter().map(|i| &*from.views.views[*i].rgb).collect();
-        let photos = photos(&rgb, &pictures, from.exposure)?;
+        let photos = photos(&rgb, &pictures, from.is_exposed.then_some(from.exposure))?;
         let all = pictures.into_iter().zip(photos);
         Ok(Self { all: all.map(|(picture, photo)| View { picture, photo }).collect(), placement })
     }
@@ -354,5 +357,42 @@ fn smaller(camera: &Camera, s: usize) -> Camera {
         focal_px: camera.focal_px.map(part),
         center_px: camera.center_px.map(part),
         ..camera.clone()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::camera::Model;
+
+    #[test]
+    fn photos_of_unknown_exposure_stay_as_they_are() {
+        let size = 2;
+        let camera = Camera {
+            model: Model::Pinhole,
+            width: size,
+            height: size,
+            ..crate::lirm::shots::shots(&Settings { size: 8, views: 1, ..Settings::default() }, 0).0[0]
+                .middle()
+        };
+        let picture = |exposure: Option<f64>| Picture {
+            name: "0000".into(),
+            camera: camera.clone(),
+            color: vec![1.0; 3 * size * size],
+            foreground: vec![1.0; size * size],
+            kept: None,
+            colored: None,
+            passes: PassImages { exposure, ..PassImages::default() },
+            environment: None,
+        };
+        let rgb = vec![100_u8; 3 * size * size];
+        let of = |second: Option<f64>| {
+            let mut pictures = vec![picture(Some(2.0)), picture(second)];
+            let factor = targets::expose(&mut pictures, None).expect("valid");
+            let made = photos(&[&rgb, &rgb], &pictures, factor).expect("valid");
+            (factor.is_some(), made[0][0] == 100.0 / 255.0, made[1][0] == made[0][0])
+        };
+        assert_eq!(of(None), (false, true, true), "one is unknown");
+        assert_eq!(of(Some(1.0)), (true, false, false), "brought to one exposure");
     }
 }

@@ -6,6 +6,7 @@ use lastlight::Result;
 use lastlight::fit::field::targets::{Picture, Target, placed};
 use lastlight::fit::field::view;
 use lastlight::fit::training::Fit;
+use lastlight::lirm::r#gen::Version;
 use lastlight::lirm::model::config::Config;
 use lastlight::lirm::model::decode::Rendering;
 use lastlight::lirm::model::params::first;
@@ -99,7 +100,7 @@ fn octahedron() -> Mesh {
 }
 
 impl Source for Balls {
-    fn object(&self, _: u64, _: &str) -> Result<Views> {
+    fn object(&self, _: u64, _: Version) -> Result<Views> {
         Ok(self.0.clone())
     }
 

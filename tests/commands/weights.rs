@@ -75,7 +75,7 @@ fn trainings() -> Vec<[&'static str; 4]> {
 fn the_shipped_model_of_objects_is_the_recorded_one() {
     let bytes = objects::BYTES.len();
     assert!(bytes <= MOST_BYTES_OF_OBJECTS, "{bytes} bytes, at most {MOST_BYTES_OF_OBJECTS}");
-    let model = objects::objects().expect("a model");
+    let model = objects::objects();
     assert_eq!(digest(&model.params), recorded(objects::NAME), "the digest of its page");
     assert_eq!(Config { is_whole: false, ..model.config }, Config::SMALL);
     let rows = trainings();
@@ -127,7 +127,7 @@ fn first_steps_of_its_stages_have_the_recorded_digests() {
     }
     let dir = tempfile::tempdir().expect("a temporary folder");
     // Without its history, so that a stage that is not complete begins anew.
-    let model = Model { training: Vec::new(), ..objects::objects().expect("a model") };
+    let model = Model { training: Vec::new(), ..objects::objects() };
     model.write(&dir.path().join(objects::NAME), Precision::Half).expect("written");
     let rows: Vec<&str> = README.lines().filter(|l| l.starts_with("| first step of ")).collect();
     assert_eq!(rows.len(), NAMES.len(), "one for each stage");

@@ -3,11 +3,13 @@
 use super::ball;
 use data_gen::cameras;
 use lastlight::fit::field::benchmark::Shape;
-use lastlight::fit::field::mesh;
 use lastlight::fit::field::scores::{FEWEST, materials};
+use lastlight::fit::field::{Target, mesh};
 use lastlight::lirm::baselines::{Hull, nearest};
-use lastlight::lirm::evaluate::{Control, Order, Protocol, SET, object, settings, state, views as scores};
-use lastlight::lirm::r#gen::Settings;
+use lastlight::lirm::evaluate::{
+    Control, Order, Protocol, SET, score_object, score_state, score_views, settings, typical_materials,
+};
+use lastlight::lirm::r#gen::{Lighting, Settings, Version};
 use lastlight::lirm::model::config::Config;
 use lastlight::lirm::model::decode::Rendering;
 use lastlight::lirm::model::params::first;
@@ -15,6 +17,7 @@ use lastlight::lirm::model::transformer::Input;
 use lastlight::lirm::model::weights::Ready;
 use lastlight::lirm::subject::Subject;
 use lastlight::lirm::views::{View, Views};
+use lastlight::loss::metric::orb;
 use lastlight::scene::field::Placement;
 
 const TINY: Config =
@@ -24,7 +27,7 @@ const TINY: Config =
 fn protocol() -> Protocol {
     Protocol {
         set: Settings { size: 32, ..settings(2, 1) },
-        version: "uniform".into(),
+        version: Version::Uniform,
         order: Order::Random,
         rendering: Rendering::of_field(16, 40.0),
         control: Control::None,
@@ -60,12 +63,70 @@ fn an_albedo_is_aligned_on_more_than_a_few_pixels() {
 }
 
 #[test]
+fn an_albedo_error_has_one_factor_for_all_channels() {
+    let mut target = ball::target(0, 32);
+    let count = target.foreground.len();
+    let covered = vec![1.0; count];
+    let everywhere = |color: [f32; 3]| -> Vec<f32> { (0..count).flat_map(|_| color).collect() };
+    let linear = |x: f32| orb::decode(f64::from(x));
+    let of = |truth: [f32; 3], found: [f32; 3], target: &mut Target| {
+        target.albedo = Some(everywhere(truth));
+        materials(Some(&everywhere(found)), None, &covered, target).expect("finite")
+    };
+    // An object of one colour: after a factor per channel every constant is exact, after one factor hues differ.
+    let (brown, gray) = ([0.5, 0.35, 0.2], [0.6; 3]);
+    let found = of(brown, gray, &mut target);
+    let y = brown.map(linear);
+    let mean = (y[0] + y[1] + y[2]) / 3.0;
+    let off = y.map(|y| (y - mean) * (y - mean));
+    let by_hand = (off[0] + off[1] + off[2]) / 3.0;
+    let error = found.albedo_error.expect("enough pixels");
+    assert!((error - by_hand.sqrt()).abs() < 1e-6, "{error} {by_hand}");
+    assert!(found.albedo_aligned_db.is_some_and(|db| db > 60.0), "{:?}", found.albedo_aligned_db);
+    let twice = brown.map(|x| orb::encode(0.5 * linear(x)) as f32);
+    let error = of(brown, twice, &mut target).albedo_error.expect("enough pixels");
+    assert!(error < 1e-6, "half as bright: {error}");
+    let error = of(brown, [0.0; 3], &mut target).albedo_error.expect("enough pixels");
+    assert!(
+        (error - ((y[0] * y[0] + y[1] * y[1] + y[2] * y[2]) / 3.0).sqrt()).abs() < 1e-6,
+        "black: {error}"
+    );
+}
+
+#[test]
+fn typical_materials_are_means_and_medians_of_covered_pixels() {
+    let found = typical_materials(0, Version::Shiny).expect("objects");
+    let settings =
+        Settings { size: 64, views: 4, samples: 1, lighting: Lighting::Both, ..Settings::default() };
+    let (mut albedo, mut material) = (Vec::new(), Vec::new());
+    for k in 0..24 {
+        let views = Views::rendered(&settings, k, Version::Shiny).expect("an object");
+        for target in (0..4).map(|i| views.target(i)) {
+            for i in (0..64 * 64).filter(|i| target.foreground[*i] == 1.0) {
+                albedo.push(orb::decode(f64::from(target.albedo.as_ref().expect("a pass")[3 * i])));
+                material.push(f64::from(target.material.as_ref().expect("a pass")[2 * i]));
+            }
+        }
+    }
+    let mean = |x: &[f64]| x.iter().fold(0.0, |sum, x| sum + x) / x.len() as f64;
+    assert!((orb::decode(f64::from(found.albedo[0])) - mean(&albedo)).abs() < 1e-5, "red, linear");
+    assert!((f64::from(found.mean[0]) - mean(&material)).abs() < 1e-5, "roughness");
+    let below = material.iter().filter(|x| **x < f64::from(found.median[0])).count();
+    let above = material.iter().filter(|x| **x > f64::from(found.median[0])).count();
+    assert!(2 * below <= material.len() && 2 * above <= material.len(), "{below} {above}");
+    assert!(
+        found.mean != found.median && found.albedo[0] > found.albedo[2],
+        "objects are rather red than blue"
+    );
+}
+
+#[test]
 fn mean_colors_are_compared_and_exchanged_ones_reach_the_state() {
     let params = first(&TINY, 5);
     let ready = Ready::new(TINY, &params);
     let p = Protocol { shapes: false, ..protocol() };
-    let views = Views::rendered(&p.set, 0, "uniform").expect("an object");
-    let whole = scores(&ready, &p, 0, &views, None).expect("finite");
+    let views = Views::rendered(&p.set, 0, Version::Uniform).expect("an object");
+    let whole = score_views(&ready, &p, 0, &views, None).expect("finite");
     let [image, truth] = &whole.images[0];
     let output = views.all.iter().find(|v| v.picture.color == *truth).expect("one of the views");
     let covered: Vec<usize> = (0..truth.len() / 3).filter(|i| output.picture.foreground[*i] == 1.0).collect();
@@ -81,11 +142,11 @@ fn mean_colors_are_compared_and_exchanged_ones_reach_the_state() {
     assert!((numbers["color"] - by_hand(found)).abs() < 1e-12, "{}", numbers["color"]);
     assert!((numbers["gray"] - by_hand([(r + g + b) / 3.0; 3])).abs() < 1e-12, "{}", numbers["gray"]);
     let p = Protocol { control: Control::SwappedColors, ..p };
-    let swapped = scores(&ready, &p, 0, &views, None).expect("finite");
+    let swapped = score_views(&ready, &p, 0, &views, None).expect("finite");
     assert_ne!(swapped.images[0][0], *image, "the model reads other colours");
     assert_eq!(swapped.images[0][1], *truth, "the truth stays as it is");
     let p = Protocol { control: Control::None, ..p };
-    let tinted = object(&ready, &p, 0, 0.9).expect("finite");
+    let tinted = score_object(&ready, &p, 0, 0.9).expect("finite");
     assert_ne!(tinted.images[0], whole.images[0], "image and truth have other colours");
     assert!(tinted.rounds[0]["gray"] > numbers["gray"] + 0.05, "{}", tinted.rounds[0]["gray"]);
 }
@@ -95,7 +156,7 @@ fn surfaces_are_compared_in_the_world() {
     let (config, params) = (TINY, first(&TINY, 5));
     let ready = Ready::new(config, &params);
     let p = protocol();
-    let views = Views::rendered(&p.set, 0, "uniform").expect("an object");
+    let views = Views::rendered(&p.set, 0, Version::Uniform).expect("an object");
     let truth = Subject::new(&p.set, 0).expect("an object").object.mesh;
     // A state far from the mean of a LayerNorm: a surface without any symmetry.
     let tokens: Vec<f32> =
@@ -106,13 +167,14 @@ fn surfaces_are_compared_in_the_world() {
         ..Placement::new([0.25, -0.125, 0.5], 1.0)
     };
     let made = mesh::Settings { side: 96, ..mesh::Settings::default() };
-    let (own, ..) = mesh::shape(&ready.decode(&tokens, p.rendering, at), &made).expect("a surface");
+    let (own, ..) =
+        mesh::shape(&ready.decode(&tokens, p.rendering, at), &made).expect("finite").expect("a surface");
     let mut moved = own.clone();
     for x in &mut moved.positions {
         *x = [0.25 - x[1], x[0] - 0.125, 0.5 + x[2]];
     }
     let [there, unmoved] = [&moved, &own].map(|m| Shape::of(m, &truth, 2).expect("an area").distance());
-    let scored = state(&ready, &p, (&tokens, at), 0, &views).expect("finite")["distance_radii"];
+    let scored = score_state(&ready, &p, (&tokens, at), 0, &views).expect("finite")["distance_radii"];
     assert!((scored - there).abs() < 1e-6, "{scored} in the world, {there} by hand");
     assert!((there - unmoved).abs() > 0.05, "{there} and {unmoved} differ");
 }
@@ -133,18 +195,20 @@ fn controls_break_what_they_name_and_nothing_else() {
     let params = first(&TINY, 5);
     let ready = Ready::new(TINY, &params);
     let p = Protocol { shapes: false, sets: 2, ..protocol() };
-    let views = Views::rendered(&p.set, 0, "uniform").expect("an object");
-    let other = Views::rendered(&p.set, 1, "uniform").expect("another object");
+    let views = Views::rendered(&p.set, 0, Version::Uniform).expect("an object");
+    let other = Views::rendered(&p.set, 1, Version::Uniform).expect("another object");
     let (at, sets) = two_sets(&ready, &p, &views, 0);
     let (_, others) = two_sets(&ready, &p, &other, 0);
     let (at_second, in_second) = two_sets(&ready, &p, &views, 1);
     assert_ne!(at, at_second, "every set has its own axes");
     let of = |control: Control| {
         let p = Protocol { control, ..p.clone() };
-        scores(&ready, &p, 0, &views, (control == Control::OtherObject).then_some(&other)).expect("finite")
+        score_views(&ready, &p, 0, &views, (control == Control::OtherObject).then_some(&other))
+            .expect("finite")
     };
     // The scores of a state that is made by hand.
-    let placed = |tokens: &[f32], at| state(&ready, &p, (tokens, at), 0, &views).expect("finite")["psnr_db"];
+    let placed =
+        |tokens: &[f32], at| score_state(&ready, &p, (tokens, at), 0, &views).expect("finite")["psnr_db"];
     let by_hand = |tokens: &[f32]| placed(tokens, at);
     let none = ready.no_state();
     let read = |before: &[f32], set: &[Input]| ready.read(before, set, None).0;

@@ -1,15 +1,15 @@
 //! Training of LIRM on a miniature: one digest whatever the threads, parts and recomputation; resumed is uninterrupted; it learns.
 
 use lastlight::fit::training::{Fit, History, Schedule, resume, run, save};
-use lastlight::lirm::r#gen as set;
+use lastlight::lirm::r#gen::{self as set, Version};
 use lastlight::lirm::model::config::Config;
 use lastlight::lirm::model::file::digest;
 use lastlight::lirm::model::params::{extended, first};
 use lastlight::lirm::train::distances::Distances;
 use lastlight::lirm::train::optimizer::{Kind, LATER};
-use lastlight::lirm::train::source::{Rendered, Source};
+use lastlight::lirm::train::source::{BuiltInObjects, Source};
 use lastlight::lirm::train::stage::{Stage, USES};
-use lastlight::lirm::train::stored::Stored;
+use lastlight::lirm::train::stored::StoredSet;
 use lastlight::lirm::train::{Settings, Training};
 use lastlight::lirm::views::Views;
 use lastlight::num::array::Arrays;
@@ -22,24 +22,24 @@ use std::sync::atomic::AtomicBool;
 /// Objects that are rendered once for all trainings of a test.
 #[derive(Debug)]
 struct Kept {
-    of: Rendered,
-    made: Mutex<BTreeMap<(u64, String), Views>>,
+    of: BuiltInObjects,
+    made: Mutex<BTreeMap<(u64, Version), Views>>,
 }
 
 impl Kept {
     fn new() -> Self {
-        Self { of: Rendered::new(0), made: Mutex::default() }
+        Self { of: BuiltInObjects::new(0), made: Mutex::default() }
     }
 }
 
 impl Source for Kept {
-    fn object(&self, k: u64, version: &str) -> lastlight::Result<Views> {
+    fn object(&self, k: u64, version: Version) -> lastlight::Result<Views> {
         let mut made = self.made.lock().expect("no panic");
-        if let Some(views) = made.get(&(k, version.to_owned())) {
+        if let Some(views) = made.get(&(k, version)) {
             return Ok(views.clone());
         }
         let views = self.of.object(k, version)?;
-        made.insert((k, version.to_owned()), views.clone());
+        made.insert((k, version), views.clone());
         Ok(views)
     }
 
@@ -384,25 +384,26 @@ fn a_later_stage_needs_the_arrays_of_the_one_before() {
 #[test]
 fn objects_of_a_set_are_those_in_memory() {
     let dir = tempfile::tempdir().expect("a folder");
-    let of = Rendered::new(0);
+    let of = BuiltInObjects::new(0);
     let settings = set::Settings { lighting: set::Lighting::Uniform, shiny: false, ..of.settings().clone() };
     let [stage, whole] = ["1a", "2a"].map(|name| Stage::named(name).expect("a stage"));
-    let e = Stored::open(dir.path(), &stage).expect_err("an empty folder").to_string();
+    let e = StoredSet::open(dir.path(), &stage).expect_err("an empty folder").to_string();
     assert!(e.contains("dataset.json"), "{e}");
     set::run(dir.path(), &settings, false, &AtomicBool::new(false), &mut |_, _, _| {}).expect("a set");
-    let stored = Stored::open(dir.path(), &stage).expect("a set");
-    let e = Stored::open(dir.path(), &whole).expect_err("no maps").to_string();
+    let stored = StoredSet::open(dir.path(), &stage).expect("a set");
+    let e = StoredSet::open(dir.path(), &whole).expect_err("no maps").to_string();
     assert!(e.contains("environment") && e.contains("--lighting both"), "{e}");
-    let [a, b] = [stored.object(3, "uniform"), of.object(0, "uniform")].map(|x| x.expect("object 3 mod 1"));
+    let [a, b] = [stored.object(3, Version::Uniform), of.object(0, Version::Uniform)]
+        .map(|x| x.expect("object 3 mod 1"));
     let colors = |views: &Views| views.all.iter().map(|v| v.picture.color.clone()).collect::<Vec<_>>();
     assert_eq!(colors(&a), colors(&b));
     assert_eq!(a.placement, b.placement);
-    assert!(stored.object(0, "shiny").is_err(), "the set has no such version");
+    assert!(stored.object(0, Version::Shiny).is_err(), "the set has no such version");
     assert_eq!(stored.distances(0).expect("its mesh"), of.distances(0).expect("the same"));
     // Images that are missing, and passes that a stage compares.
     let image = dir.path().join("object_00000/uniform/images/0007.png");
     std::fs::rename(&image, dir.path().join("away.png")).expect("moved");
-    let e = stored.object(0, "uniform").expect_err("nineteen images").to_string();
+    let e = stored.object(0, Version::Uniform).expect_err("nineteen images").to_string();
     assert!(e.contains("0007.png"), "{e}");
     std::fs::rename(dir.path().join("away.png"), &image).expect("moved");
     let record = dir.path().join("dataset.json");
@@ -416,16 +417,16 @@ fn objects_of_a_set_are_those_in_memory() {
         let mut changed = parsed.clone();
         changed["settings"][key] = value;
         std::fs::write(&record, changed.to_string()).expect("written");
-        let e = Stored::open(dir.path(), &stage).expect_err("nothing to compare with").to_string();
+        let e = StoredSet::open(dir.path(), &stage).expect_err("nothing to compare with").to_string();
         assert!(e.contains("which stage 1a compares") || e.contains("--distances"), "{e}");
     }
     std::fs::write(&record, text.replace("\"object_00000\"", "\"../object_00000\"")).expect("written");
-    let e = Stored::open(dir.path(), &stage).expect_err("a folder outside").to_string();
+    let e = StoredSet::open(dir.path(), &stage).expect_err("a folder outside").to_string();
     assert!(e.contains("leads out of the folder"), "{e}");
     std::fs::write(&record, text).expect("written");
     let small = dir.path().join("small");
     let settings = set::Settings { views: 2, size: 16, samples: 1, ..settings };
     set::run(&small, &settings, false, &AtomicBool::new(false), &mut |_, _, _| {}).expect("a set");
-    let e = Stored::open(&small, &stage).expect_err("two images").to_string();
+    let e = StoredSet::open(&small, &stage).expect_err("two images").to_string();
     assert!(e.contains("20 images of 128x128"), "{e}");
 }

@@ -32,7 +32,7 @@ use data_gen::cameras;
 use lastlight_lirm::r#gen::{self as set, Lighting, Set, Settings as Making};
 use lastlight_lirm::model::decode::Rendering;
 use lastlight_lirm::model::file::Model;
-use lastlight_lirm::reconstruct::{Made, Reconstruction, Size, Start};
+use lastlight_lirm::reconstruct::{Products, Reconstruction, Size, Start};
 use maud::html;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -65,7 +65,7 @@ pub(super) fn run(args: &Args, dir: &Path, meter: &mut Meter) -> Result<Outcome>
         sets.chunks(SET).take(2).map(|set| indices(&pictures, set)).collect::<Result<_>>()?;
 
     let read =
-        |kind, set: &[usize], start: Start, name: &str, meter: &mut Meter| -> Result<(Made, Outcome)> {
+        |kind, set: &[usize], start: Start, name: &str, meter: &mut Meter| -> Result<(Products, Outcome)> {
             let reading = Reconstruction {
                 model: &model,
                 pictures: &pictures,

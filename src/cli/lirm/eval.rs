@@ -8,9 +8,11 @@ use crate::io::memory;
 use crate::meter::Meter;
 use crate::{Error, Result};
 use lastlight_lirm::evaluate::{self, Control, Order, Protocol, SET};
+use lastlight_lirm::r#gen::Version;
 use lastlight_lirm::model::config::PATCH;
 use lastlight_lirm::model::decode::Rendering;
 use lastlight_lirm::model::file::digest;
+use lastlight_lirm::model::origin::training_seed;
 use lastlight_lirm::model::params::count;
 use lastlight_lirm::model::weights::Ready;
 use lastlight_lirm::reading::INPUT_SIDE;
@@ -28,7 +30,7 @@ const ORDERS: &Choices =
     &[("random", "in a random order"), ("sequential", "around the object: every set shows one side")];
 
 /// Numbers that are printed: name, title, digits.
-const COLUMNS: [(&str, &str, usize); 23] = [
+const COLUMNS: [(&str, &str, usize); 25] = [
     ("psnr_db", "PSNR", 2),
     ("hull_db", "hull", 2),
     ("small_hull_db", "hull 64²", 2),
@@ -45,6 +47,8 @@ const COLUMNS: [(&str, &str, usize); 23] = [
     ("has_surface", "found", 2),
     ("albedo_db", "albedo", 2),
     ("mean_albedo_db", "of mean", 2),
+    ("albedo_error", "error", 3),
+    ("mean_albedo_error", "of mean", 3),
     ("roughness", "roughness", 3),
     ("mean_roughness", "of mean", 3),
     ("median_roughness", "of median", 3),
@@ -74,7 +78,7 @@ const CONTROLS: &Choices = &[
   lastlight lirm eval s1c --seed 1 --no-baselines           for comparing trainings
   lastlight lirm eval s3 --light environment --input-order sequential
 
-Every object has 48 views (lirm gen --cameras test): 16 inputs in four sets, read at 64x64, and 12 outputs, compared at 128x128. Baselines, all with the true foregrounds: the nearest input image; the visual hull of the inputs with their mean colours, from 128x128 (hull), from the 64x64 that the model reads (hull 64²), and the former blurred by one pixel (blurred). Materials count where the object covers a pixel and the model is opaque, beside means and medians of training objects. PSNR in dB over white; RFD, a distance of responses to random filters (not LPIPS); IoU of foregrounds; colour, the error of the mean colour, beside that of a grey of the true brightness; normals in degrees; depth, the mean absolute difference in units in which the object's ball has the radius ½; with --shapes, surface, the mean distance of the surfaces in radii of the object, and found, the share of objects that have a surface; means over outputs, then objects.")]
+Every object has 48 views (lirm gen --cameras test): 16 inputs in four sets, read at 64x64, and 12 outputs, compared at 128x128. Baselines, all with the true foregrounds: the nearest input image; the visual hull of the inputs with their mean colours, from 128x128 (hull), from the 64x64 that the model reads (hull 64²), and the former blurred by one pixel (blurred). Materials count where the object covers a pixel and the model is opaque, beside means and medians of training objects. albedo, in dB after a factor per channel, and error, the root mean square of linear values after one factor. PSNR in dB over white; RFD, a distance of responses to random filters (not LPIPS); IoU of foregrounds; colour, the error of the mean colour, beside that of a grey of the true brightness; normals in degrees; depth, the mean absolute difference in units in which the object's ball has the radius ½; with --shapes, surface, the mean distance of the surfaces in radii of the object, and found, the share of objects that have a surface; means over outputs, then objects.")]
 pub(crate) struct Args {
     /// Model, or the folder of a training [default: the included model]
     #[arg(value_name = "FILE")]
@@ -128,26 +132,28 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let (model, name) = weights::model(args.model.as_deref(), &meter)?;
     let inverse_beta = weights::inverse_beta(args.inverse_beta, &model)?;
     // All images so far in one round, or those of a set.
-    let sets = if args.control == "at-once" { usize::from(args.sets) } else { 1 };
+    let trained = training_seed(&model.training);
+    if model.training.iter().any(|part| part.seed == args.seed) {
+        meter.note(&format!(
+            "the model was trained with seed {}: objects it has seen are not a test of it",
+            args.seed
+        ));
+    }
+    let version = Version::named(&args.light).expect("a value of LIGHTS");
+    let control = Control::named(&args.control).expect("a value of CONTROLS");
+    let sets = if control == Control::AtOnce { usize::from(args.sets) } else { 1 };
     let tokens = sets * SET * (INPUT_SIDE / PATCH) * (INPUT_SIDE / PATCH);
     memory::check("lirm eval", model.config.memory(count(&model.config), tokens))?;
     let ready = Ready::new(model.config, &model.params);
     let p = Protocol {
         set: evaluate::settings(args.seed, args.samples),
-        version: args.light.clone(),
-        order: if args.input_order == "random" { Order::Random } else { Order::Sequential },
+        version,
+        order: Order::named(&args.input_order).expect("a value of ORDERS"),
         rendering: Rendering::of_field(args.ray_samples as usize, inverse_beta),
-        control: match args.control.as_str() {
-            "zeroed-state" => Control::ZeroedState,
-            "permuted-cameras" => Control::PermutedCameras,
-            "other-object" => Control::OtherObject,
-            "swapped-colors" => Control::SwappedColors,
-            "at-once" => Control::AtOnce,
-            _ => Control::None,
-        },
+        control,
         sets: usize::from(args.sets),
         outputs: 12,
-        typical: model.config.is_whole.then(|| evaluate::typical_materials(0, &args.light)).transpose()?,
+        typical: model.config.is_whole.then(|| evaluate::typical_materials(trained, version)).transpose()?,
         baselines: !args.no_baselines,
         shapes: args.shapes,
     };
@@ -155,7 +161,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let mut all = Vec::new();
     for i in 0..args.objects as usize {
         meter.count(i, args.objects as usize, "scoring");
-        all.push(evaluate::object(&ready, &p, args.first + i as u64, args.tint)?);
+        all.push(evaluate::score_object(&ready, &p, args.first + i as u64, args.tint)?);
     }
     meter.done();
     let means = evaluate::means(&all);

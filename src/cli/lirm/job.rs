@@ -16,7 +16,7 @@ use crate::training::RESULT;
 use crate::units::counted;
 use crate::{Result, console as cli, units, version};
 use lastlight_lirm::model::state::FILE as STATE;
-use lastlight_lirm::reconstruct::{Made, Reconstruction, Start};
+use lastlight_lirm::reconstruct::{Products, Reconstruction, Start};
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -24,7 +24,7 @@ use std::path::Path;
 const SAMPLE: usize = 512;
 /// Floating-point operations from which the time is estimated before they start.
 const LONG: f64 = 1e12;
-/// Gain in dB on held-out images below which it is stated that further sets change little.
+/// Change in dB on held-out images that is called little; a choice.
 const LITTLE: f64 = 0.1;
 
 /// Sets of images to read.
@@ -34,6 +34,15 @@ pub(crate) struct Job<'a> {
     pub(crate) reading: Reconstruction<'a>,
     /// The settings in the record.
     pub(crate) settings: Value,
+}
+
+/// What a change of the score in dB lets expect.
+fn remark(gain: f64) -> &'static str {
+    match gain {
+        gain if gain <= -LITTLE => ": the new images made it worse",
+        gain if gain < LITTLE => ": more images will change little",
+        _ => "",
+    }
 }
 
 impl Job<'_> {
@@ -90,7 +99,7 @@ impl Job<'_> {
         place: Placement,
         dir: &Path,
         meter: &mut Meter,
-    ) -> Result<(Made, Outcome)> {
+    ) -> Result<(Products, Outcome)> {
         meter.lap("reading");
         self.announce(meter)?;
         let made = self.reading.run(start, place, meter)?;
@@ -115,8 +124,8 @@ impl Job<'_> {
     }
 
     /// Writes the renders and the record; gives the record, the report and the lines for a terminal.
-    fn outcome(&self, made: &Made, dir: &Path, meter: &Meter) -> Result<Outcome> {
-        let Made { state, field, changes, scored, .. } = made;
+    fn outcome(&self, made: &Products, dir: &Path, meter: &Meter) -> Result<Outcome> {
+        let Products { state, field, changes, scored, .. } = made;
         let earlier = (!made.before.is_empty()).then(|| means(&made.before));
         let mut names = vec![FIELD.to_owned(), STATE.to_owned(), RESULT.to_owned()];
         names.extend(page::write_renders(dir, scored, &flat_name)?);
@@ -146,8 +155,10 @@ impl Job<'_> {
         let mut lines = vec![page::summary(&means)];
         if let Some(before) = earlier.as_ref().and_then(|means| means["psnr_db"].as_f64()) {
             let gain = held_out_db - before;
-            let little = if gain < LITTLE { ": more images will change little" } else { "" };
-            lines.push(format!("before      {before:.2} dB on the same images ({gain:+.2} dB{little})"));
+            lines.push(format!(
+                "before      {before:.2} dB on the same images ({gain:+.2} dB{})",
+                remark(gain)
+            ));
         }
         lines.extend([
             format!("images      {images} in {}", counted(self.reading.sets.len(), "set")),
@@ -161,5 +172,17 @@ impl Job<'_> {
             format!("next        lastlight field mesh {} --out mesh.glb", dir.display()),
         ]);
         Ok(Outcome { record, page: Some(page), lines, held_out_db })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_change_of_the_score_is_called_little_or_worse() {
+        assert!(remark(-3.0).contains("worse") && remark(-LITTLE).contains("worse"));
+        assert!(remark(-0.05).contains("little") && remark(0.05).contains("little"));
+        assert_eq!((remark(LITTLE), remark(2.0)), ("", ""));
     }
 }

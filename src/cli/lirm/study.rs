@@ -10,7 +10,7 @@ use crate::io::memory;
 use crate::meter::Meter;
 use crate::shared::ForceArgs;
 use lastlight_lirm::model::file::digest;
-use lastlight_study::lirm::setup::{Named, Setup, Size};
+use lastlight_study::lirm::setup::{NamedModel, Setup, Size};
 use lastlight_study::lirm::{curve, limits, occupancy, relit, scenes, scoring, variants};
 use serde_json::{Map, json};
 use std::path::{Path, PathBuf};
@@ -118,14 +118,14 @@ fn study(args: &Args, out: &Path) -> Result<()> {
     let given = if given.is_empty() { vec![None] } else { given };
     let models = given
         .into_iter()
-        .map(|path| Ok(Named::new(weights::model(path, &meter)?.0)))
+        .map(|path| Ok(NamedModel::new(weights::model(path, &meter)?.0)))
         .collect::<Result<_>>()?;
     let setup = Setup::new(args.size(), models)?;
     if !args.report_only {
         let needs_training = args.ids.is_empty() || args.ids.iter().any(|id| id == variants::ID);
         let training = if needs_training { variants::memory(&setup)? } else { 0 };
         memory::check("lirm study", setup.memory() + training).map_err(|e| match needs_training {
-            true => e.hint("variants needs most; other experiments can be named"),
+            true => e.hint("variants needs most; leave it out: lirm study stages rounds controls --out DIR"),
             false => e,
         })?;
     }
@@ -173,7 +173,7 @@ mod tests {
         let config =
             Config { blocks: 1, width: 16, heads: 2, plane_tokens: 1, embed_tokens: 1, ..Config::SMALL };
         let model = Model { config, params: first(&config, 0), training: Vec::new() };
-        let setup = Setup::new(Size::smoke(), vec![Named::new(model)]).expect("a model");
+        let setup = Setup::new(Size::smoke(), vec![NamedModel::new(model)]).expect("a model");
         let ids: Vec<&str> = all(&setup, Path::new("out")).iter().map(|x| x.id()).collect();
         let listed: Vec<&str> = EXPERIMENTS.iter().map(|(id, _)| *id).collect();
         assert_eq!(listed, ids, "a line for each, and no other");

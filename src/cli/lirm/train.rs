@@ -3,20 +3,22 @@
 use super::init::FirstArgs;
 use crate::choices::{Choices, choices};
 use crate::console as cli;
-use crate::fit::training::{Fit, Watch};
+use crate::fit::training::{Fit, History, Watch};
 use crate::io::memory;
 use crate::meter::Meter;
+use crate::report::film::Film;
 use crate::report::run::{self, Run};
 use crate::report::{self, Page};
 use crate::shared::{Outcome, OutputArgs};
 use crate::training::{self, CHECKPOINT, Frame, Head, RESULT};
 use crate::{Error, Result, claim, units};
 use lastlight_lirm::model::file::{FILE, Model, digest};
+use lastlight_lirm::model::origin::Part;
 use lastlight_lirm::model::params::count;
 use lastlight_lirm::train::optimizer::Kind;
-use lastlight_lirm::train::source::{Rendered, Source};
+use lastlight_lirm::train::source::{BuiltInObjects, Source};
 use lastlight_lirm::train::stage::Stage;
-use lastlight_lirm::train::stored::Stored;
+use lastlight_lirm::train::stored::StoredSet;
 use lastlight_lirm::train::{Settings, Training};
 use serde_json::json;
 use std::path::PathBuf;
@@ -186,6 +188,31 @@ fn page(stage: &str, digest: &str, x: &Run<'_>) -> Result<Page> {
     })
 }
 
+/// Continues a stage whose part made the weights, or begins one after it; prints which.
+fn begin_after(part: &Part, stage: &Stage, training: &mut Training<'_>, meter: &Meter) -> Result<()> {
+    match (part.stage == stage.name, part.is_last()) {
+        (true, false) => {
+            training.continue_from(part)?;
+            meter.note(&format!("stage {} goes on after step {}", part.stage, part.range[1]));
+        }
+        (true, true) => meter.note(&format!("stage {} begins again, from its own result", part.stage)),
+        (false, false) => meter.note(&format!("the model has stage {}", part.label())),
+        (false, true) => {}
+    }
+    let (was, is) = (part.distances, stage.distances);
+    if (was > 0.0) != (is > 0.0) {
+        let option = |x: f32| if x > 0.0 { format!("--distances {x}") } else { "no --distances".to_owned() };
+        let [first, _] = stage.inverse_beta;
+        meter.note(&format!(
+            "the model was trained with {}, this stage has {}: 1/beta goes from {} to {first}",
+            option(was),
+            option(is),
+            part.inverse_beta
+        ));
+    }
+    Ok(())
+}
+
 pub(super) fn run(args: &Args) -> Result<()> {
     let mut meter = Meter::new().of("objects");
     let settings = args.settings()?;
@@ -201,8 +228,8 @@ pub(super) fn run(args: &Args) -> Result<()> {
         None => args.choices.config(args.config.as_deref().unwrap_or("small"))?,
     };
     meter.lap("reading");
-    let rendered = Rendered::new(args.filling.seed);
-    let stored = args.data.as_deref().map(|dir| Stored::open(dir, &settings.stage)).transpose()?;
+    let rendered = BuiltInObjects::new(args.filling.seed);
+    let stored = args.data.as_deref().map(|dir| StoredSet::open(dir, &settings.stage)).transpose()?;
     let source: &dyn Source = match &stored {
         Some(stored) => stored,
         None => &rendered,
@@ -213,27 +240,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     })?;
     let mut training = Training::new(settings.clone(), config, before.as_ref().map(|m| &m.params), source)?;
     if let Some(part) = before.as_ref().and_then(|m| m.training.last()) {
-        match (part.stage == settings.stage.name, part.is_last()) {
-            (true, false) => {
-                training.continue_from(part)?;
-                meter.note(&format!("stage {} goes on after step {}", part.stage, part.range[1]));
-            }
-            (true, true) => meter.note(&format!("stage {} begins again, from its own result", part.stage)),
-            (false, false) => meter.note(&format!("the model has stage {}", part.label())),
-            (false, true) => {}
-        }
-        let (was, is) = (part.distances, settings.stage.distances);
-        if (was > 0.0) != (is > 0.0) {
-            let sharp =
-                |x: f32| if x > 0.0 { format!("--distances {x}") } else { "no --distances".to_owned() };
-            let [first, _] = settings.stage.inverse_beta;
-            meter.note(&format!(
-                "the model was trained with {}, this stage has {}: 1/beta goes from {} to {first}",
-                sharp(was),
-                sharp(is),
-                part.inverse_beta
-            ));
-        }
+        begin_after(part, &settings.stage, &mut training, &meter)?;
     }
     if let Some(last) = args.until {
         training.stop_after(last as usize)?;
@@ -247,28 +254,40 @@ pub(super) fn run(args: &Args) -> Result<()> {
         settings.batch,
         units::bytes(bytes)
     ));
-    training.show(&Rendered::new(args.filling.seed.wrapping_add(1)))?;
+    training.show(&BuiltInObjects::new(args.filling.seed.wrapping_add(1)))?;
     let frame = Frame::claim(&args.out, &args.filling, args.checkpoint_every)?;
     let (history, film) = frame.train(&mut training, &mut meter)?;
-    let mut parts = before.map_or_else(Vec::new, |m| m.training);
+    let earlier = before.map_or_else(Vec::new, |m| m.training);
+    publish(args, &frame, &training, earlier, (&history, &film), &mut meter)
+}
+
+/// Writes the model and its record, and prints the result.
+fn publish(
+    args: &Args,
+    frame: &Frame,
+    training: &Training<'_>,
+    mut parts: Vec<Part>,
+    (history, film): (&History, &Film),
+    meter: &mut Meter,
+) -> Result<()> {
     parts.push(training.part());
     let model =
         Model { config: *training.config(), params: training.params().clone(), training: parts }.halved();
     let digest = digest(&model.params);
     let settings = training.settings();
-    if let Some(outcome) = frame.finished(&digest, &settings, &history) {
+    if let Some(outcome) = frame.finished(&digest, &settings, history) {
         return outcome.publish(&frame.dir);
     }
     model.write(&frame.file(FILE), crate::io::safetensors::Precision::Half)?;
     let head = Head { kind: "lirm train", digest: &digest, settings };
     let own = training::entries([("stages", json!(model.stages()))]);
-    let record = frame.record(head, own, &history, &meter)?;
+    let record = frame.record(head, own, history, meter)?;
     meter.lap("writing files");
     let tail = &history.loss[history.len() - Ord::min(history.len(), TAIL)..];
     let mean = tail.iter().fold(0.0, |sum, x| sum + f64::from(*x)) / tail.len() as f64;
     let run = Run {
-        film: Some(&film),
-        ..Run::new(&record["settings"], Some(&history), &meter, &frame.dir, &[FILE, CHECKPOINT, RESULT])
+        film: Some(film),
+        ..Run::new(&record["settings"], Some(history), meter, &frame.dir, &[FILE, CHECKPOINT, RESULT])
     };
     let page = page(&args.stage, &digest, &run)?;
     let lines = vec![

@@ -15,7 +15,7 @@ pub(crate) fn model(path: Option<&Path>, meter: &Meter) -> Result<(Model, String
     if let Some(path) = path {
         return Ok((Model::read(path)?, path.display().to_string()));
     }
-    let model = shipped::objects()?;
+    let model = shipped::objects();
     meter.note(&format!("model {}, trained in stages {}", shipped::NAME, model.stages().join(", ")));
     Ok((model, shipped::NAME.to_owned()))
 }

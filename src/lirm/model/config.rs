@@ -14,7 +14,7 @@
 //! | `first_values` | published | scaled | [`FirstValues`] |
 //! | `rays` | plucker | nearest | coordinates of a ray ([`Rays`]) |
 //! | `background` | white | marked | what an image has beside the object ([`Background`]) |
-//! | `whole` | | | whether it reads photos, and has materials and colours that depend on direction: stages 2 and 3 |
+//! | `whole` | false | false | whether it reads photos, and has materials and colours that depend on direction: stages 2 and 3 |
 
 use crate::fit::field::place::Pose;
 use crate::{Error, Result};
@@ -28,8 +28,6 @@ pub const LEVELS: usize = 4;
 pub const HIDDEN: usize = 32;
 /// Added to the variance by every LayerNorm.
 pub const EPS: f64 = 1e-6;
-/// Half size of the box of a field whose object is in the ball of radius ½.
-pub const HALF_SIZE: f32 = 0.525;
 
 /// How the state of the last set of images enters.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -43,12 +41,20 @@ pub enum Fuse {
 }
 
 impl Fuse {
+    /// All of them.
+    pub const ALL: [Self; 2] = [Self::Published, Self::Residual];
+
     /// Returns the name in settings.
     pub fn name(self) -> &'static str {
         match self {
             Self::Published => "published",
             Self::Residual => "residual",
         }
+    }
+
+    /// Returns the one of that name.
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|fuse| fuse.name() == name)
     }
 }
 
@@ -69,12 +75,20 @@ pub enum Rays {
 }
 
 impl Rays {
+    /// All of them.
+    pub const ALL: [Self; 2] = [Self::Plucker, Self::Nearest];
+
     /// Returns the name in settings.
     pub fn name(self) -> &'static str {
         match self {
             Self::Plucker => "plucker",
             Self::Nearest => "nearest",
         }
+    }
+
+    /// Returns the one of that name.
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|rays| rays.name() == name)
     }
 }
 
@@ -92,12 +106,20 @@ pub enum Background {
 }
 
 impl Background {
+    /// All of them.
+    pub const ALL: [Self; 2] = [Self::White, Self::Marked];
+
     /// Returns the name in settings.
     pub fn name(self) -> &'static str {
         match self {
             Self::White => "white",
             Self::Marked => "marked",
         }
+    }
+
+    /// Returns the one of that name.
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|background| background.name() == name)
     }
 }
 
@@ -296,6 +318,11 @@ impl Config {
         self.embed_tokens > 0
     }
 
+    /// Whether colours read panoramas.
+    pub fn is_directed(&self) -> bool {
+        self.is_whole && self.has_embedding()
+    }
+
     /// Returns the floating-point operations of one set of images without gradients, and those of its
     /// attention alone, for a number of image tokens: two per product and sum.
     pub fn flops(&self, image_tokens: usize) -> [f64; 2] {
@@ -364,24 +391,11 @@ impl Config {
         };
         let count = |key: &str| -> Result<usize> {
             let x = from.get(key).and_then(Value::as_u64).and_then(|x| usize::try_from(x).ok());
-            x.ok_or_else(|| missing(key, "a whole number"))
+            x.ok_or_else(|| missing(key, "an integer, 0 or more"))
         };
-        let fuse = match from.get("fuse").and_then(Value::as_str) {
-            Some("published") => Fuse::Published,
-            Some("residual") => Fuse::Residual,
-            _ => return Err(missing("fuse", "published or residual")),
-        };
+        let text = |key: &str| from.get(key).and_then(Value::as_str);
         // Models from before there was a choice have no entry.
-        let rays = match from.get("rays").map(Value::as_str) {
-            None | Some(Some("plucker")) => Rays::Plucker,
-            Some(Some("nearest")) => Rays::Nearest,
-            Some(_) => return Err(missing("rays", "plucker or nearest")),
-        };
-        let background = match from.get("background").map(Value::as_str) {
-            None | Some(Some("white")) => Background::White,
-            Some(Some("marked")) => Background::Marked,
-            Some(_) => return Err(missing("background", "white or marked")),
-        };
+        let is_old = |key: &str| from.get(key).is_none();
         let config = Self {
             blocks: count("blocks")?,
             width: count("width")?,
@@ -390,21 +404,23 @@ impl Config {
             plane_tokens: count("plane_tokens")?,
             embed_tokens: count("embed_tokens")?,
             channels: count("channels")?,
-            fuse,
-            pose: from
-                .get("pose")
-                .and_then(Value::as_str)
+            fuse: text("fuse")
+                .and_then(Fuse::named)
+                .ok_or_else(|| missing("fuse", &Fuse::ALL.map(Fuse::name).join(", ")))?,
+            pose: text("pose")
                 .and_then(Pose::named)
                 .ok_or_else(|| missing("pose", &Pose::ALL.map(Pose::name).join(", ")))?,
-            first_values: from
-                .get("first_values")
-                .and_then(Value::as_str)
-                .and_then(FirstValues::named)
-                .ok_or_else(|| {
-                    missing("first_values", &FirstValues::ALL.map(FirstValues::name).join(", "))
-                })?,
-            rays,
-            background,
+            first_values: text("first_values").and_then(FirstValues::named).ok_or_else(|| {
+                missing("first_values", &FirstValues::ALL.map(FirstValues::name).join(", "))
+            })?,
+            rays: text("rays")
+                .and_then(Rays::named)
+                .or_else(|| is_old("rays").then_some(Rays::Plucker))
+                .ok_or_else(|| missing("rays", &Rays::ALL.map(Rays::name).join(", ")))?,
+            background: text("background")
+                .and_then(Background::named)
+                .or_else(|| is_old("background").then_some(Background::White))
+                .ok_or_else(|| missing("background", &Background::ALL.map(Background::name).join(", ")))?,
             is_whole: from
                 .get("whole")
                 .and_then(Value::as_bool)

@@ -7,10 +7,11 @@
 //!
 //! The panoramas of a plain model are not made: nothing reads them.
 
-use super::config::{Config, HALF_SIZE, LEVELS, PATCH};
+use super::config::{Config, LEVELS, PATCH};
 use super::params::{heads, widths};
 use super::weights::{Gradients, Ready, lend};
 use crate::field::render::InBar;
+use crate::fit::field::HALF_SIZE;
 use crate::nn::unpatch;
 use crate::scene::field::{Field, Heads, Network, Panoramas, Placement, Planes, Rule, Settings, Stencil};
 
@@ -54,11 +55,6 @@ impl Config {
         let (grids, side) = if is_planes { (self.planes, self.plane_tokens) } else { (1, self.embed_tokens) };
         unpatch::Shape { grids, height: side, width: side, patch: PATCH, channels: self.channels }
     }
-
-    /// Whether colours read panoramas.
-    pub fn is_directed(&self) -> bool {
-        self.is_whole && self.has_embedding()
-    }
 }
 
 /// The number of texels of a shape, times channels.
@@ -80,7 +76,8 @@ impl Ready<'_> {
                 "normal" => made.normal = Some(network),
                 "albedo" => made.albedo = Some(network),
                 "material" => made.material = Some(network),
-                _ => made.rho = Some(network),
+                "rho" => made.rho = Some(network),
+                other => unreachable!("a head '{other}'"),
             }
         }
         made

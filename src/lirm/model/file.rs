@@ -99,9 +99,12 @@ impl Model {
         let mut arrays = Arrays::new();
         for (name, array) in stored.iter() {
             if let Some(bad) = array.iter().find(|x| !x.is_finite()) {
+                let fits = self.params.get(name).is_some_and(|a| a.iter().all(|x| x.is_finite()));
+                let expected =
+                    if fits { "numbers of at most 65 504, for half precision" } else { "finite numbers" };
                 return Err(Error::check("LIRM model")
                     .at(format!("array '{name}'"))
-                    .expected("numbers of at most 65 504 in half precision")
+                    .expected(expected)
                     .got(bad.to_string()));
             }
             arrays.put(name, array.shape(), array.iter().copied().collect());

@@ -8,7 +8,7 @@
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 
-/// 1/β at which a model without training is rendered.
+/// 1/β at which a model without training is rendered: that at the end of stage 1a, as published.
 const UNTRAINED: f32 = 40.0;
 
 /// Some steps of a stage.
@@ -62,7 +62,7 @@ pub struct Part {
     /// Weight of roughness and metallic, where it is not 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub material: Option<f32>,
-    /// Steps at the end over which the weights are averaged.
+    /// Steps at the end over which the weights were averaged, at most those of the part.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub average_last: usize,
     /// 1/β in the last step.
@@ -111,6 +111,11 @@ pub fn labels(parts: &[Part]) -> Vec<String> {
         })
     };
     (0..parts.len()).filter(|i| !continued(*i)).map(|i| parts[i].label()).collect()
+}
+
+/// The seed of the objects of the last part; 0 without one.
+pub fn training_seed(parts: &[Part]) -> u64 {
+    parts.last().map_or(0, |part| part.seed)
 }
 
 /// The 1/β of the last step, at which the model is rendered.
@@ -180,6 +185,7 @@ mod tests {
         let again = [part("1a", [0, 10], 60.0), part("1a", [0, 3], 60.0)];
         assert_eq!(labels(&again), ["1a", "1a to step 3 of 10"], "begun anew");
         assert_eq!((inverse_beta(&parts), inverse_beta(&[])), (61.0, UNTRAINED));
+        assert_eq!((training_seed(&parts), training_seed(&[])), (u64::MAX, 0));
         assert_eq!(parse(&text(&parts)).expect("its own text"), parts);
         for range in [[4, 4], [4, 11]] {
             let e = parse(&text(&[part("1a", range, 60.0)])).expect_err("no such steps").to_string();

@@ -43,6 +43,7 @@ use super::places;
 use crate::num::array::entries;
 use crate::num::elem::f64 as elem;
 use crate::optim::initial::Initial;
+use crate::scene::rays::PLUCKER;
 use crate::tape::Params;
 use crate::{Error, Result};
 use core::f64::consts::PI;
@@ -79,7 +80,7 @@ enum First {
 
 /// An array of a model.
 #[derive(Clone, Debug)]
-struct Declared {
+struct ArraySpec {
     name: String,
     shape: Vec<usize>,
     first: First,
@@ -87,11 +88,11 @@ struct Declared {
 
 /// Collects declarations.
 #[derive(Default)]
-struct List(Vec<Declared>);
+struct List(Vec<ArraySpec>);
 
 impl List {
     fn put(&mut self, name: impl Into<String>, shape: &[usize], first: First) {
-        self.0.push(Declared { name: name.into(), shape: shape.to_vec(), first });
+        self.0.push(ArraySpec { name: name.into(), shape: shape.to_vec(), first });
     }
 
     fn norm(&mut self, name: &str, width: usize) {
@@ -109,7 +110,7 @@ impl List {
 /// The widths of the heads that a model has: number of inputs, of hidden layers and of outputs.
 pub(super) fn heads(c: &Config) -> Vec<(&'static str, [usize; 3])> {
     let features = 3 * c.channels;
-    let is_directed = c.is_whole && c.has_embedding();
+    let is_directed = c.is_directed();
     let mut all = vec![
         ("sdf", [features, 2, 1]),
         ("color", [features + if is_directed { c.channels } else { 0 }, 3, 3]),
@@ -132,7 +133,7 @@ pub(super) fn widths([inputs, hidden, outputs]: [usize; 3]) -> Vec<usize> {
     all
 }
 
-fn declared(c: &Config) -> Vec<Declared> {
+fn array_specs(c: &Config) -> Vec<ArraySpec> {
     let (d, deviation) = (c.width, c.first_values.deviation(c.width));
     let is_scaled = c.first_values == FirstValues::Scaled;
     // Branches add up: the tokens keep what they begin with.
@@ -247,7 +248,7 @@ fn lengths(v: &ArrayD<f32>) -> ArrayD<f32> {
 /// Returns the first values of a model.
 pub fn first(c: &Config, seed: u64) -> Params {
     let mut params = Params::new();
-    for Declared { name, shape, first } in declared(c) {
+    for ArraySpec { name, shape, first } in array_specs(c) {
         let draws = Initial::named(seed, PURPOSE, &name);
         let array = match first {
             First::Constant(x) => ArrayD::from_elem(IxDyn(&shape), x),
@@ -259,8 +260,8 @@ pub fn first(c: &Config, seed: u64) -> Params {
             }
             First::Rays(bound) => {
                 let mut array = draws.uniform_f64(&shape, bound);
-                let channel = |i: usize| i % 6;
-                let factor = |i: usize| if channel(i) < 3 { RAYS[0] } else { RAYS[1] };
+                // Directions, then moments or nearest points.
+                let factor = |i: usize| if i % PLUCKER < 3 { RAYS[0] } else { RAYS[1] };
                 array.iter_mut().enumerate().for_each(|(i, x)| *x *= factor(i));
                 array
             }
@@ -287,7 +288,7 @@ const EMBEDDED: f32 = 0.5;
 pub fn extended(params: &Params, c: &Config, seed: u64) -> Result<(Params, Config)> {
     let whole = Config { is_whole: true, ..*c };
     let mut all = first(&whole, seed);
-    for Declared { name, shape, .. } in declared(c) {
+    for ArraySpec { name, shape, .. } in array_specs(c) {
         let old = params.get(&name).filter(|a| a.shape() == shape).ok_or_else(|| {
             let got = params.get(&name).map_or_else(|| "none".to_owned(), |a| format!("{:?}", a.shape()));
             Error::input(format!("array '{name}'")).expected(format!("shape {shape:?}")).got(got)
@@ -311,15 +312,18 @@ pub fn extended(params: &Params, c: &Config, seed: u64) -> Result<(Params, Confi
     }
     if !c.is_whole {
         let old = |l: usize| params.get(&format!("heads/color/{l}")).cloned().expect("it was kept above");
-        for l in 0..4 {
-            all.set(&format!("heads/albedo/{l}"), old(l));
-        }
-        for l in 0..3 {
-            all.set(&format!("heads/material/{l}"), old(l));
-        }
-        for last in ["heads/material/3", "heads/rho/2"] {
-            if let Some(array) = all.get_mut(last) {
-                array.fill(0.0);
+        for (name, [_, hidden, _]) in heads(&whole) {
+            // As many layers as there are hidden ones, and the last.
+            let (copied, is_zeroed) = match name {
+                "albedo" => (hidden + 1, false),
+                "material" => (hidden, true),
+                "rho" => (0, true),
+                _ => continue,
+            };
+            (0..copied).for_each(|l| all.set(&format!("heads/{name}/{l}"), old(l)));
+            if is_zeroed {
+                let last = all.get_mut(&format!("heads/{name}/{hidden}"));
+                last.expect("a whole model has all layers").fill(0.0);
             }
         }
     }
@@ -329,7 +333,7 @@ pub fn extended(params: &Params, c: &Config, seed: u64) -> Result<(Params, Confi
 /// Returns names and shapes of all arrays.
 pub fn shapes(c: &Config) -> Vec<(String, Vec<usize>)> {
     let mut all = Vec::new();
-    for Declared { name, shape, .. } in declared(c) {
+    for ArraySpec { name, shape, .. } in array_specs(c) {
         if let Some(row) = name.strip_suffix("/v") {
             all.push((format!("{row}/g"), shape[..1].to_vec()));
         }

@@ -9,7 +9,7 @@
 //! with it, only the input of every block is, and each block runs again: the same bits.
 
 use super::config::{EPS, PATCH};
-use super::weights::{Gradients, Ready, block_names, lend};
+use super::weights::{Gradients, Ready, lend, lend_block};
 use crate::nn::{block, fuse, layernorm, tokens};
 
 /// An image as the model reads it; all arrays are row-major.
@@ -134,43 +134,8 @@ impl Ready<'_> {
         for (b, x) in at.iter().enumerate().rev() {
             let x = self.block(b, x);
             let saved = blocks.pop().unwrap_or_else(|| block::forward(&x, &mut vec![0.0; all]));
-            lend(g, block_names(b), |own| {
-                let [
-                    ln1_gain,
-                    ln1_bias,
-                    w_qkv,
-                    b_qkv,
-                    w_out,
-                    b_out,
-                    ln2_gain,
-                    ln2_bias,
-                    w_fc1,
-                    b_fc1,
-                    w_fc2,
-                    b_fc2,
-                ] = own;
-                let zeros = vec![0.0; all];
-                #[rustfmt::skip]
-                let mut bar = block::InBar {
-                    x: zeros, ln1_gain, ln1_bias, w_qkv, b_qkv, w_out, b_out, ln2_gain, ln2_bias, w_fc1, b_fc1, w_fc2, b_fc2,
-                };
-                block::adjoint(&x, saved, &x_bar, &mut bar);
-                x_bar = bar.x;
-                [
-                    bar.ln1_gain,
-                    bar.ln1_bias,
-                    bar.w_qkv,
-                    bar.b_qkv,
-                    bar.w_out,
-                    bar.b_out,
-                    bar.ln2_gain,
-                    bar.ln2_bias,
-                    bar.w_fc1,
-                    bar.b_fc1,
-                    bar.w_fc2,
-                    bar.b_fc2,
-                ]
-            });
+            let zeros = vec![0.0; all];
+            x_bar = lend_block(g, b, zeros, |bar| block::adjoint(&x, saved, &x_bar, bar));
         }
         let mut first = rows;
         for (view, saved) in views.iter().zip(&saved_views) {

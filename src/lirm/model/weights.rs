@@ -204,21 +204,40 @@ pub(super) fn lend<const N: usize>(
     }
 }
 
-/// The names of a block's arrays, in the order of [`block::InBar`] without x.
-pub(super) fn block_names(b: usize) -> [String; 12] {
-    let parts = [
-        "norm1/gain",
-        "norm1/bias",
-        "qkv",
-        "qkv/bias",
-        "out",
-        "out/bias",
-        "norm2/gain",
-        "norm2/bias",
-        "fc1",
-        "fc1/bias",
-        "fc2",
-        "fc2/bias",
-    ];
-    parts.map(|part| format!("{}/{part}", block_name(b)))
+/// The part of a block's gradients that belongs to an array.
+type OfBlock = fn(&mut block::InBar) -> &mut Vec<f32>;
+
+/// The arrays of a block as [`Ready::block`] names them, and their gradients.
+const BLOCK: [(&str, OfBlock); 12] = [
+    ("norm1/gain", |bar| &mut bar.ln1_gain),
+    ("norm1/bias", |bar| &mut bar.ln1_bias),
+    ("qkv", |bar| &mut bar.w_qkv),
+    ("qkv/bias", |bar| &mut bar.b_qkv),
+    ("out", |bar| &mut bar.w_out),
+    ("out/bias", |bar| &mut bar.b_out),
+    ("norm2/gain", |bar| &mut bar.ln2_gain),
+    ("norm2/bias", |bar| &mut bar.ln2_bias),
+    ("fc1", |bar| &mut bar.w_fc1),
+    ("fc1/bias", |bar| &mut bar.b_fc1),
+    ("fc2", |bar| &mut bar.w_fc2),
+    ("fc2/bias", |bar| &mut bar.b_fc2),
+];
+
+/// [`lend`] for the arrays of block `b`: the gradients of its tokens are `x` before and the result after.
+pub(super) fn lend_block(
+    g: &mut Gradients,
+    b: usize,
+    x: Vec<f32>,
+    adjoint: impl FnOnce(&mut block::InBar),
+) -> Vec<f32> {
+    let name = |part: &str| format!("{}/{part}", block_name(b));
+    let mut bar = block::InBar { x, ..block::InBar::default() };
+    for (part, of) in BLOCK {
+        *of(&mut bar) = g.taken(&name(part));
+    }
+    adjoint(&mut bar);
+    for (part, of) in BLOCK {
+        g.put(&name(part), std::mem::take(of(&mut bar)));
+    }
+    bar.x
 }

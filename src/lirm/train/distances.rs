@@ -15,11 +15,11 @@
 
 use crate::Result;
 use crate::field::render::InBar;
+use crate::fit::field::HALF_SIZE;
 use crate::fit::field::surface;
 use crate::geometry::bvh::Bvh;
 use crate::geometry::compare::sample;
 use crate::geometry::signed::Signed;
-use crate::lirm::model::config::HALF_SIZE;
 use crate::loss::{self, mse};
 use crate::num::elem::f64 as elem;
 use crate::num::order;
@@ -145,11 +145,11 @@ impl Distances {
 mod tests {
     use super::*;
     use crate::lirm::subject::Subject;
-    use crate::lirm::train::source::Rendered;
+    use crate::lirm::train::source::BuiltInObjects;
 
     #[test]
     fn half_of_the_points_are_near_the_surface_and_some_are_inside() {
-        let rendered = Rendered::new(0);
+        let rendered = BuiltInObjects::new(0);
         let subject = Subject::new(rendered.settings(), 0).expect("built in");
         let found = Distances::of(&subject.object.mesh, 0, 0).expect("it has a surface");
         let near = found.truth.iter().filter(|d| d.abs() < 0.06 * 3f32.sqrt()).count();

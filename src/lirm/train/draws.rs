@@ -1,6 +1,7 @@
 //! Random choices of a training: functions of seed, step and place in the batch.
 
-use super::stage::{Stage, VERSIONS, VIEWS};
+use super::stage::{Stage, VIEWS};
+use crate::lirm::r#gen::Version;
 use crate::lirm::views::tint;
 use crate::num::rng::Rng;
 
@@ -20,7 +21,7 @@ const IMAGES: u16 = 0x0554;
 
 /// Smallest and largest factor of the brightness.
 const BRIGHTNESS: [f64; 2] = [0.75, 1.25];
-/// Cosine between the directions of two cameras up to which one sees what the other sees.
+/// A target is near an input if the cosine between the directions to their cameras is above this: 60°, as in DTC.
 const NEAR: f32 = 0.5;
 
 /// What the choices depend on.
@@ -81,10 +82,10 @@ impl Draws<'_> {
     }
 
     /// The version of an object.
-    pub(super) fn version(&self, object: u64) -> &'static str {
+    pub(super) fn version(&self, object: u64) -> Version {
         let u = Rng::new(self.seed).uniform_f64(object, 0, LIGHT, 0);
         let [first, second, _] = self.stage.light;
-        VERSIONS[if u < first { 0 } else { 1 + usize::from(u >= first + second) }]
+        Version::ALL[if u < first { 0 } else { 1 + usize::from(u >= first + second) }]
     }
 
     /// The choices for place `j` of a step.
@@ -97,7 +98,7 @@ impl Draws<'_> {
         let below = |draw: u16, n: usize| Ord::min((u(draw) * n as f64) as usize, n - 1);
         let [dark, bright] = BRIGHTNESS;
         // A white dome is 1 already: brighter colours would be cut off.
-        let bright = if self.version(object) == VERSIONS[0] { 1.0 } else { bright };
+        let bright = if self.version(object).is_under_map() { bright } else { 1.0 };
         let brightness = dark + (bright - dark) * u(1);
         let colors = std::array::from_fn(|c| u(TINT + c as u16));
         let [least, most] = self.stage.tint;
@@ -189,7 +190,7 @@ mod tests {
         let close = |x: f32| all.iter().filter(|[low, most]| (low / most - x).abs() < 0.1).count();
         assert!(close(least) > 0 && close(1.0) > 20, "some lose as much, many are nearly grey");
         assert_eq!(draws.objects(18)[0], stage.first_object + 6, "the next block");
-        let shares = (0..4000).filter(|k| draws.version(*k) == "uniform").count();
+        let shares = (0..4000).filter(|k| draws.version(*k) == Version::Uniform).count();
         assert!((900..1100).contains(&shares), "a quarter under a dome: {shares}");
     }
 

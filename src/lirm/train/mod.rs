@@ -36,8 +36,8 @@ pub mod distances;
 mod draws;
 mod object;
 pub mod optimizer;
+mod preview;
 mod settings;
-mod shown;
 pub mod source;
 pub mod stage;
 pub mod stored;
@@ -45,8 +45,8 @@ pub mod stored;
 use self::draws::Draws;
 use self::object::Object;
 use self::optimizer::{Kind, States};
+use self::preview::PreviewObject;
 pub use self::settings::Settings;
-use self::shown::Shown;
 use self::source::Pool;
 use self::stage::Stage;
 use super::model::config::Config;
@@ -98,7 +98,7 @@ pub struct Training<'a> {
     states: States,
     pool: Pool<'a>,
     /// Objects of another seed, for people who watch.
-    shown: Vec<Shown>,
+    shown: Vec<PreviewObject>,
     /// Digest of the weights that the stage began with.
     start: String,
 }
@@ -125,8 +125,15 @@ impl<'a> Training<'a> {
             let got = settings.head_rate.to_string();
             return Err(Error::input("--head-rate").expected("above 0, at most 1 000").got(got));
         }
-        if [settings.batch, settings.at_once, settings.block, settings.uses].contains(&0) {
-            return Err(Error::input("--batch").expected("at least one object").got("none"));
+        for (name, count) in [
+            ("--batch", settings.batch),
+            ("--gradients-at-once", settings.at_once),
+            ("--objects-at-once", settings.block),
+            ("--uses", settings.uses),
+        ] {
+            if count == 0 {
+                return Err(Error::input(name).expected("at least one").got("0"));
+            }
         }
         let whole = Config { is_whole: settings.stage.is_whole || config.is_whole, ..config };
         let begun = match from {
@@ -239,7 +246,7 @@ impl<'a> Training<'a> {
             updates: s.stage.updates,
             absolute_albedo: s.stage.absolute_albedo,
             material: Some(s.stage.material).filter(|x| *x != 1.0),
-            average_last: s.average_last,
+            average_last: self.range[1] - self.first_averaged(),
             inverse_beta: s.stage.rendering(self.range[1].saturating_sub(1)).inverse_beta,
             start: self.start.clone(),
         }
@@ -260,8 +267,9 @@ impl<'a> Training<'a> {
     pub fn show(&mut self, of: &dyn source::Source) -> Result<()> {
         let draws =
             Draws { seed: self.settings.seed, stage: &self.settings.stage, batch: 1, block: 1, uses: 1 };
-        let made =
-            par::map(shown::COUNT, |k| Shown::new(of, k as u64, draws.version(k as u64), &self.config));
+        let made = par::map(preview::COUNT, |k| {
+            PreviewObject::new(of, k as u64, draws.version(k as u64), &self.config)
+        });
         self.shown = made.into_iter().collect::<Result<_>>()?;
         Ok(())
     }
@@ -333,19 +341,19 @@ impl<'a> Training<'a> {
                 ready.read(&states[k], &objects[k].sets[set], Some(self.keep()))
             });
             watch.lap("transformer");
-            let drawn = par::map(n, |i| {
+            let compared: Vec<Result<_>> = par::map(n, |i| {
                 let object = &objects[active[i]];
                 // The mean over the objects of the step and the sets of each.
                 let weight = 1.0 / (self.settings.batch * object.sets.len()) as f32;
                 let field = ready.decode(&read[i].0, rendering, object.placement);
-                let rendered = object.losses(&field, weight, &self.settings.stage)?;
-                Ok((field, rendered))
+                let loss = object.losses(&field, weight, &self.settings.stage)?;
+                Ok((field, loss))
             });
-            let drawn = drawn.into_iter().collect::<Result<Vec<_>>>()?;
+            let compared = compared.into_iter().collect::<Result<Vec<_>>>()?;
             watch.lap("render and losses");
             let bars = par::map(n, |i| {
-                let (field, rendered) = &drawn[i];
-                objects[active[i]].pull(field, rendered)
+                let (field, loss) = &compared[i];
+                objects[active[i]].pull(field, loss)
             });
             watch.lap("adjoint of the render");
             let kept: Vec<_> =
@@ -365,7 +373,7 @@ impl<'a> Training<'a> {
             for (i, (next, g)) in made.into_iter().enumerate() {
                 let k = active[i];
                 states[k] = next;
-                losses[k] += drawn[i].1.loss;
+                losses[k] += compared[i].1.loss;
                 match &mut sums[k] {
                     Some(sum) => sum.add(&g),
                     none => *none = Some(g),
@@ -436,7 +444,11 @@ impl Fit for Training<'_> {
         let mut grads = ready.finish(total);
         if !loss.is_finite() {
             return Err(named(
-                Error::check("lirm train").at("loss").expected("a finite number").got(loss.to_string()),
+                Error::check("lirm train")
+                    .at("loss")
+                    .expected("a finite number")
+                    .got(loss.to_string())
+                    .hint("lower --rate"),
             ));
         }
         for g in grads.0.values_mut() {

@@ -47,9 +47,8 @@ pub(super) struct Object {
     targets: Vec<Target>,
     crops: Vec<Crop>,
     rays: RayList,
-    /// True points of the surface at the rays, and 1 where there is one; empty without the recipe that
-    /// compares them.
-    surface: Vec<([f32; 3], f32)>,
+    /// Empty without the recipe that compares it.
+    surface: Surface,
     /// Points with signed distances; empty without that recipe.
     distances: Distances,
     pub(super) placement: Placement,
@@ -57,7 +56,7 @@ pub(super) struct Object {
 
 /// The loss of a field, and the cotangents of what it compares.
 #[derive(Debug)]
-pub(super) struct Drawn {
+pub(super) struct ObjectLoss {
     pub(super) loss: f32,
     /// The crops; none if only the shape is compared.
     render: Option<Render>,
@@ -77,9 +76,26 @@ struct Render {
     normals_bar: Vec<[f32; 3]>,
 }
 
+/// True points of the surface at rays, and 1 where there is one.
+type Surface = Vec<([f32; 3], f32)>;
+
+/// The rays of all crops and, if they are compared, the points where they meet the true surface.
+fn rays_of(targets: &[Target], crops: &[Crop], is_compared: bool) -> (RayList, Surface) {
+    let (mut rays, mut points) = (RayList::default(), Vec::new());
+    for crop in crops {
+        let (target, first) = (&targets[crop.view], rays.origins.len());
+        crop.pixels(target.camera.width).for_each(|i| rays.push(&target.camera, i));
+        if is_compared {
+            let own = rays.origins[first..].iter().copied().zip(rays.directions[first..].iter().copied());
+            points.extend(surface(target, crop, &own.collect::<Vec<_>>()));
+        }
+    }
+    (rays, points)
+}
+
 /// The points at which the rays of a crop meet the surface, from the pass of depth; only pixels that are
 /// covered completely count.
-fn surface(target: &Target, crop: &Crop, rays: &[([f32; 3], [f32; 3])]) -> Vec<([f32; 3], f32)> {
+fn surface(target: &Target, crop: &Crop, rays: &[([f32; 3], [f32; 3])]) -> Surface {
     let Some(depth) = &target.depth else { return vec![([0.0; 3], 0.0); rays.len()] };
     let axis = target.camera.rotation[2];
     let one = |(i, (o, d)): (usize, &([f32; 3], [f32; 3]))| {
@@ -115,17 +131,19 @@ impl Object {
         pool: &Pool<'_>,
     ) -> Result<Self> {
         let choice = draws.choice(step, j);
-        let (all, distances) = pool.get(choice.object);
-        let at = all.chosen(&choice.sets[0]).turned(choice.turn);
-        let at = at.posed(config.pose, &(0..at.all.len()).collect::<Vec<_>>())?;
-        let (whole, at) = (at, placed(at, choice.size, choice.shift));
-        let mut near = distances.turned(choice.batch, choice.turn, &at);
+        let (all, points) = pool.get(choice.object);
+        // The axes are those of the first set.
+        let first = all.chosen(&choice.sets[0]).turned(choice.turn);
+        let middle = first.posed(config.pose, &(0..first.all.len()).collect::<Vec<_>>())?;
+        let placement = placed(middle, choice.size, choice.shift);
+        let mut distances = points.turned(choice.batch, choice.turn, &placement);
         if choice.size < 1.0 {
-            near = near.with_room(distances, choice.batch, at.to_field(whole.center), RADIUS * choice.size);
+            let center = placement.to_field(middle.center);
+            distances = distances.with_room(points, choice.batch, center, RADIUS * choice.size);
         }
         let chosen = |which: &[usize]| {
             let own = all.chosen(which).turned(choice.turn).lit(choice.factors);
-            Views { placement: at, ..own }
+            Views { placement, ..own }
         };
         let set = |which: &Vec<usize>| {
             let small = chosen(which).sized(INPUT_SIDE)?;
@@ -136,36 +154,28 @@ impl Object {
         let [side, crop] = draws.stage.target;
         let shape_only = step < draws.stage.shape_steps;
         let count = if shape_only { 0 } else { CROPS };
-        let seen = chosen(&choice.targets(&centers, count)).small(SIDE / side)?;
-        let targets: Vec<Target> = (0..seen.all.len()).map(|i| seen.target(i)).collect();
+        let near = chosen(&choice.targets(&centers, count)).small(SIDE / side)?;
+        let targets: Vec<Target> = (0..near.all.len()).map(|i| near.target(i)).collect();
         let step = u32::try_from(step).expect("a training has fewer steps");
         let seed = Rng::new(draws.seed).derive(j as u64, step, PURPOSE);
         let crops = crops::draw(&targets, seed, 0, count, crop);
-        let (mut rays, mut points) = (RayList::default(), Vec::new());
-        for crop in &crops {
-            let (target, first) = (&targets[crop.view], rays.origins.len());
-            crop.pixels(target.camera.width).for_each(|i| rays.push(&target.camera, i));
-            if draws.stage.points > 0.0 {
-                let own = rays.origins[first..].iter().copied().zip(rays.directions[first..].iter().copied());
-                points.extend(surface(target, crop, &own.collect::<Vec<_>>()));
-            }
-        }
-        Ok(Self { sets, shape_only, targets, crops, rays, surface: points, distances: near, placement: at })
+        let (rays, surface) = rays_of(&targets, &crops, draws.stage.points > 0.0);
+        Ok(Self { sets, shape_only, targets, crops, rays, surface, distances, placement })
     }
 
     /// Compares a field with the object: its signed distances, and its crops unless only the shape counts.
-    pub(super) fn losses(&self, field: &Field, weight: f32, stage: &Stage) -> Result<Drawn> {
+    pub(super) fn losses(&self, field: &Field, weight: f32, stage: &Stage) -> Result<ObjectLoss> {
         let own = weight * stage.distances;
         let (sdf, distances_bar) = self.distances.compare(field, own)?;
         if self.shape_only {
-            return Ok(Drawn { loss: sdf, render: None, distances_bar });
+            return Ok(ObjectLoss { loss: sdf, render: None, distances_bar });
         }
         let (mut loss, mut render) = self.render(field, weight, stage)?;
         loss += sdf;
         if stage.is_last {
             loss += self.compare_normals(field, weight, &mut render)?;
         }
-        Ok(Drawn { loss, render: Some(render), distances_bar })
+        Ok(ObjectLoss { loss, render: Some(render), distances_bar })
     }
 
     /// Renders the crops of a field and compares them.
@@ -249,17 +259,17 @@ impl Object {
     }
 
     /// The gradients of a field.
-    pub(super) fn pull(&self, field: &Field, drawn: &Drawn) -> InBar {
+    pub(super) fn pull(&self, field: &Field, compared: &ObjectLoss) -> InBar {
         let weights = Weights::of(field);
         let scene = weights.scene(self.rays.borrowed());
         let mut bar = InBar::zeros_like(&scene);
-        if let Some(Render { plan, out, values_bar, opacity_bar, points_bar, .. }) = &drawn.render {
+        if let Some(Render { plan, out, values_bar, opacity_bar, points_bar, .. }) = &compared.render {
             let out_bar =
                 OutBar { values: values_bar, opacity: opacity_bar, points: points_bar, ..OutBar::default() };
             render::adjoint(&scene, plan, out, &out_bar, CHUNK, &mut bar);
         }
-        self.distances.pull(field, &drawn.distances_bar, &mut bar);
-        if let Some(Render { surface, normals_bar, .. }) = &drawn.render
+        self.distances.pull(field, &compared.distances_bar, &mut bar);
+        if let Some(Render { surface, normals_bar, .. }) = &compared.render
             && !normals_bar.is_empty()
         {
             let stencils = Stencils::at(field, &surface.points);
@@ -272,7 +282,7 @@ impl Object {
 
 #[cfg(test)]
 mod tests {
-    use super::super::source::Rendered;
+    use super::super::source::BuiltInObjects;
     use super::*;
     use crate::lirm::model::params::first;
     use crate::lirm::model::weights::Ready;
@@ -289,7 +299,7 @@ mod tests {
 
     /// An object of a stage, and the field that a model with first values makes of its first set.
     fn made(stage: &Stage) -> (Object, Field) {
-        let source = Rendered::new(0);
+        let source = BuiltInObjects::new(0);
         let mut pool = Pool::new(&source);
         let draws = Draws { seed: 0, stage, batch: 1, block: 1, uses: 1 };
         pool.fill(&draws, 0).expect("an object");
@@ -318,8 +328,8 @@ mod tests {
         let mut losses = Vec::new();
         for stage in [&plain, &points, &distances] {
             let (object, field) = made(stage);
-            let drawn = object.losses(&field, 1.0, stage).expect("finite");
-            let g = object.pull(&field, &drawn).planes;
+            let compared = object.losses(&field, 1.0, stage).expect("finite");
+            let g = object.pull(&field, &compared).planes;
             let square = g.iter().fold(0.0, |s, g| s + f64::from(*g) * f64::from(*g));
             let moved = |h: f64| {
                 let mut field = field.clone();
@@ -330,7 +340,7 @@ mod tests {
             // After a longer step other rays are opaque, and their points count.
             let slope = (moved(0.0005) - moved(-0.0005)) / 0.001;
             assert!((slope - square.sqrt()).abs() < 0.03 * square.sqrt(), "{slope} {}", square.sqrt());
-            losses.push(drawn.loss);
+            losses.push(compared.loss);
         }
         assert!(losses[1..].iter().all(|x| *x > losses[0]), "both terms count: {losses:?}");
     }
@@ -350,10 +360,10 @@ mod tests {
         let own = one - none;
         assert!(own > 1e-3 && (three - none - 3.0 * own).abs() < 1e-3 * own, "{none} {one} {three}");
         let absolute = Stage { absolute_albedo: true, material: 3.0, ..whole.clone() };
-        let drawn = of(&absolute);
-        assert!((drawn.loss - three).abs() > 1e-3, "{} {three}", drawn.loss);
+        let compared = of(&absolute);
+        assert!((compared.loss - three).abs() > 1e-3, "{} {three}", compared.loss);
         // The gradient of both settings.
-        let g = object.pull(&field, &drawn).planes;
+        let g = object.pull(&field, &compared).planes;
         let length = g.iter().fold(0.0, |s, g| s + f64::from(*g) * f64::from(*g)).sqrt();
         let moved = |h: f64| {
             let mut field = field.clone();
@@ -377,7 +387,7 @@ mod tests {
         // Their gradient, at points that do not move with the texels.
         let mut others = object.losses(&field, 1.0, &last).expect("finite");
         others.render.as_mut().expect("a render").normals_bar.clear();
-        let [all, others] = [&with, &others].map(|drawn| object.pull(&field, drawn).planes);
+        let [all, others] = [&with, &others].map(|compared| object.pull(&field, compared).planes);
         let g: Vec<f64> = all.iter().zip(&others).map(|(a, b)| f64::from(*a) - f64::from(*b)).collect();
         let length = g.iter().fold(0.0, |s, g| s + g * g).sqrt();
         let surface = &with.render.as_ref().expect("a render").surface;

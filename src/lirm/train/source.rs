@@ -7,7 +7,7 @@
 use super::distances::Distances;
 use super::draws::Draws;
 use super::stage::{SIDE, VIEWS};
-use crate::lirm::r#gen::{Lighting, Settings};
+use crate::lirm::r#gen::{Lighting, Settings, Version};
 use crate::lirm::subject::Subject;
 use crate::lirm::views::Views;
 use crate::num::par;
@@ -24,7 +24,7 @@ pub trait Source: Sync + Debug {
     ///
     /// # Errors
     /// If the object cannot be made or read.
-    fn object(&self, k: u64, version: &str) -> Result<Views>;
+    fn object(&self, k: u64, version: Version) -> Result<Views>;
 
     /// Points around object `k` with signed distances.
     ///
@@ -38,11 +38,11 @@ pub trait Source: Sync + Debug {
 
 /// Built-in objects, rendered in memory with the pixels of `lirm gen`.
 #[derive(Clone, Debug)]
-pub struct Rendered {
+pub struct BuiltInObjects {
     settings: Settings,
 }
 
-impl Rendered {
+impl BuiltInObjects {
     /// The objects of a seed.
     pub fn new(seed: u64) -> Self {
         let settings = Settings {
@@ -63,8 +63,8 @@ impl Rendered {
     }
 }
 
-impl Source for Rendered {
-    fn object(&self, k: u64, version: &str) -> Result<Views> {
+impl Source for BuiltInObjects {
+    fn object(&self, k: u64, version: Version) -> Result<Views> {
         Views::rendered(&self.settings, k, version)
     }
 

@@ -59,8 +59,6 @@ const SHORTEST: usize = 4;
 /// without fog. The step of 64 samples along the diagonal is 3.4 β long, for which the rule `analytic` is
 /// accurate to a fraction of β.
 const SHARP: f32 = 120.0;
-/// Names of the versions of an object, as in a set.
-pub const VERSIONS: [&str; 3] = ["uniform", "environment", "shiny"];
 
 /// A stage.
 #[derive(Clone, Debug, PartialEq)]
@@ -73,7 +71,8 @@ pub struct Stage {
     pub rates: [f64; 2],
     /// Steps over which the rate rises, at most a quarter of all.
     pub rise: usize,
-    /// Parts of the objects under a white dome, under a map, and shiny under a map.
+    /// Parts of the objects in each of [`crate::lirm::gen::Version::ALL`]: under a white dome, under a map, and
+    /// shiny under a map.
     pub light: [f64; 3],
     /// Smallest and largest number of sets of input images.
     pub sets: [usize; 2],
@@ -305,6 +304,9 @@ impl Stage {
             "sets": self.sets[1], "images": self.images, "samples": self.samples, "inverse_beta": self.inverse_beta, "target": self.target,
             "first_object": self.first_object, "points": self.points, "distances": self.distances,
         });
+        if self.sets[0] != 1 && !self.updates {
+            all["least_sets"] = json!(self.sets[0]);
+        }
         // Runs that began before it existed go on.
         if self.shape_steps > 0 {
             all["shape_steps"] = json!(self.shape_steps);

@@ -1,18 +1,19 @@
 //! Objects of a training from the folder of a set that `lirm gen` has written.
 //!
 //! Object k of the training is object k mod N of the set, in the order of their numbers. A set with the seed
-//! and settings of the training's own objects ([`super::source::Rendered`]) has the same pixels and the same
+//! and settings of the training's own objects ([`super::source::BuiltInObjects`]) has the same pixels and the same
 //! points with distances. Its cameras are written as inverse matrices, and differ in their last places
 //! (2·10⁻⁶ at most, `tests/systems/lirm_views.rs`), so the weights of a training from a set are not those of
 //! one in memory.
 
 use super::distances::Distances;
 use super::source::Source;
-use super::stage::{SIDE, Stage, VERSIONS, VIEWS};
+use super::stage::{SIDE, Stage, VIEWS};
 use crate::fit::field::targets::Pictures;
 use crate::io::paths::clean;
 use crate::io::read_bytes;
 use crate::lirm::folder::{FORMAT, RECORD};
+use crate::lirm::r#gen::{Lighting, Version};
 use crate::lirm::truth;
 use crate::lirm::views::Views;
 use crate::scene::field::Placement;
@@ -32,13 +33,13 @@ fn plain(x: &Value) -> &str {
 
 /// The objects of a set.
 #[derive(Clone, Debug)]
-pub struct Stored {
+pub struct StoredSet {
     objects: Vec<PathBuf>,
     digest: String,
     seed: u64,
 }
 
-impl Stored {
+impl StoredSet {
     /// Opens a set for a stage.
     ///
     /// # Errors
@@ -66,10 +67,15 @@ impl Stored {
             ));
         }
         let lighting = plain(&settings["lighting"]);
-        let has = [lighting != "environment", lighting != "uniform", settings["shiny"] == true];
+        let [uniform, environment] = [Lighting::Uniform, Lighting::Environment].map(Lighting::name);
+        let has = [lighting != environment, lighting != uniform, settings["shiny"] == true];
         if let Some(i) = (0..3).find(|i| stage.light[*i] > 0.0 && !has[*i]) {
             let e = named(
-                &format!("objects of the version {}, which stage {} draws", VERSIONS[i], stage.name),
+                &format!(
+                    "objects of the version {}, which stage {} draws",
+                    Version::ALL[i].name(),
+                    stage.name
+                ),
                 "none",
             );
             return Err(e.hint("lirm gen --lighting both --shiny makes all versions"));
@@ -111,11 +117,11 @@ impl Stored {
     }
 }
 
-impl Source for Stored {
-    fn object(&self, k: u64, version: &str) -> Result<Views> {
+impl Source for StoredSet {
+    fn object(&self, k: u64, version: Version) -> Result<Views> {
         let options =
             Options { background: [1.0; 3], masks: Masks::Ignore, strict: true, ..Options::default() };
-        let folder = self.folder(k).join(version);
+        let folder = self.folder(k).join(version.name());
         let pictures = Pictures::load(&folder, &options, None)?;
         let all = &pictures.pictures;
         if all.len() != VIEWS || all.iter().any(|p| [p.camera.width, p.camera.height] != [SIDE; 2]) {

@@ -8,7 +8,7 @@
 //! beside it, is the dB of an object's mean squared error over all images, as few images show many such
 //! pixels.
 
-use super::setup::{Setup, decibels, is_complete, shown, square_error};
+use super::setup::{SEED, Setup, decibels, is_complete, shown, square_error};
 use crate::Result;
 use crate::experiment::{Cell, Chart, Experiment, Outcome, Report, Summary, Values, of};
 use crate::fit::field::scores::FEWEST;
@@ -16,7 +16,7 @@ use crate::fit::field::targets::target;
 use crate::fit::field::{Target, view};
 use crate::fit::training::Watch;
 use data_gen::{cameras, objects};
-use lastlight_lirm::evaluate::SET;
+use lastlight_lirm::r#gen::Version;
 use lastlight_lirm::model::weights::Ready;
 use serde_json::Value;
 use std::sync::atomic::AtomicBool;
@@ -25,23 +25,29 @@ use std::sync::atomic::AtomicBool;
 const PRINTED: [&str; 2] = ["package", "tin"];
 /// Objects of a kind.
 const EACH: u64 = 4;
-/// Largest roughness and smallest metallic of a mirror.
+/// Sets that are read.
+const SETS: usize = 4;
+/// Largest roughness and smallest metallic of a mirror: a choice, as the paper shows mirrors without a number.
 const MIRROR: [f32; 2] = [0.25, 0.5];
 
 /// The experiment.
 #[derive(Debug)]
 pub struct Limits<'a> {
     setup: &'a Setup,
+    /// Version and number of every object.
+    objects: Vec<(Version, u64)>,
 }
 
 /// Makes the experiment.
 pub fn limits(setup: &Setup) -> Limits<'_> {
-    Limits { setup }
+    let mirrors = (0..setup.size.objects).map(|k| (Version::Shiny, k));
+    let lettering = printed(Ord::min(EACH, setup.size.objects)).into_iter().map(|k| (Version::Uniform, k));
+    Limits { setup, objects: mirrors.chain(lettering).collect() }
 }
 
 /// The numbers of the first printed objects of the test seed.
 fn printed(count: u64) -> Vec<u64> {
-    let is_printed = |k: &u64| PRINTED.contains(&objects::build(super::setup::SEED, *k, 32).generator);
+    let is_printed = |k: &u64| PRINTED.contains(&objects::build(SEED, *k, 32).generator);
     (0..).filter(is_printed).take(count as usize).collect()
 }
 
@@ -58,26 +64,18 @@ fn detail(image: &[f32], truth: &Target) -> f64 {
     })
 }
 
-impl Limits<'_> {
-    fn kinds(&self) -> Vec<(&'static str, u64)> {
-        let count = Ord::min(EACH, self.setup.size.objects);
-        let mirrors = (0..self.setup.size.objects).map(|k| ("shiny", k));
-        mirrors.chain(printed(count).into_iter().map(|k| ("uniform", k))).collect()
-    }
-}
-
 impl Experiment for Limits<'_> {
     fn id(&self) -> &'static str {
         "limits"
     }
 
     fn cells(&self) -> Vec<Cell> {
-        let cell = |(version, k): (&'static str, u64)| Cell {
-            key: format!("{version}_{k:03}"),
-            row: if version == "shiny" { "mirrors".into() } else { "lettering".into() },
-            seed: k,
+        let cell = |(version, k): &(Version, u64)| Cell {
+            key: format!("{}_{k:03}", version.name()),
+            row: if version.is_shiny() { "mirrors".into() } else { "lettering".into() },
+            seed: *k,
         };
-        self.kinds().into_iter().map(cell).collect()
+        self.objects.iter().map(cell).collect()
     }
 
     fn settings(&self, _: usize) -> Value {
@@ -85,21 +83,16 @@ impl Experiment for Limits<'_> {
     }
 
     fn run(&self, cell: usize, watch: &mut dyn Watch, _: &AtomicBool) -> Result<Values> {
-        let ((version, k), model) = (self.kinds()[cell], self.setup.model());
+        let ((version, k), model) = (self.objects[cell], self.setup.model());
         let views = self.setup.object(k, version)?;
         watch.lap("images");
         let p = self.setup.protocol(model, version);
-        let protocol = cameras::test(p.set.seed, k, p.set.size);
         let ready = Ready::new(model.config, &model.params);
-        let at = views.posed(model.config.pose, &protocol.inputs[..SET])?;
-        let mut state = ready.no_state();
-        for set in protocol.inputs.chunks(SET) {
-            state = ready.read_chosen(&state, &views, set, &at)?;
-        }
+        let (state, at) = self.setup.read(&ready, &views, k, SETS)?;
         let field = ready.decode(&state, p.rendering, at);
         let cells = view::occupancy(&field)?;
         let [mut mirrors, mut others, mut details] = [(); 3].map(|()| Vec::new());
-        for i in protocol.outputs.into_iter().take(self.setup.size.outputs) {
+        for i in cameras::test(SEED, k, p.set.size).outputs.into_iter().take(self.setup.size.outputs) {
             let truth = target(&views.all[i].picture, &at);
             let image = view::render(&field, Some(&cells), &truth.camera, false).color().unwrap_or_default();
             let covered = (0..truth.foreground.len()).filter(|i| truth.foreground[*i] == 1.0);
@@ -118,7 +111,7 @@ impl Experiment for Limits<'_> {
         }
         watch.lap("scores");
         let mut out = Values::new();
-        if version == "shiny" {
+        if version.is_shiny() {
             let both = [("mirror_db", &mirrors), ("other_db", &others)];
             out.extend(
                 both.into_iter()

@@ -8,7 +8,8 @@ use crate::fit::field::view;
 use crate::fit::training::Watch;
 use crate::scene::camera::Camera;
 use data_gen::cameras;
-use lastlight_lirm::evaluate::{SET, settings};
+use lastlight_lirm::evaluate::settings;
+use lastlight_lirm::r#gen::Version;
 use lastlight_lirm::model::decode::Rendering;
 use lastlight_lirm::model::weights::Ready;
 use serde_json::{Value, json};
@@ -18,6 +19,8 @@ use std::sync::atomic::AtomicBool;
 const STEPS: usize = 1024;
 /// Pixels per side of an image, as the published crops.
 const SIDE: usize = 192;
+/// Objects; a row of one has 151 million samples.
+const OBJECTS: u64 = 5;
 /// Images.
 const IMAGES: usize = 4;
 /// Kinds of rows: the grid is filled once per field, whatever is rendered with it.
@@ -58,7 +61,7 @@ impl Experiment for Occupied<'_> {
     }
 
     fn cells(&self) -> Vec<Cell> {
-        let count = Ord::min(5, self.setup.size.objects);
+        let count = Ord::min(OBJECTS, self.setup.size.objects);
         let of = |k: u64| {
             KINDS.iter().enumerate().map(move |(n, row)| Cell {
                 key: format!("{n}_{k}"),
@@ -78,14 +81,14 @@ impl Experiment for Occupied<'_> {
     fn run(&self, cell: usize, watch: &mut dyn Watch, _: &AtomicBool) -> Result<Values> {
         let (k, kind, model) = ((cell / KINDS.len()) as u64, KINDS[cell % KINDS.len()], self.setup.model());
         let with_grid = kind != ALL;
-        let views = self.setup.object(k, "uniform")?;
+        let views = self.setup.object(k, Version::Uniform)?;
         let set = settings(SEED, self.setup.size.samples);
         let protocol = cameras::test(SEED, k, set.size);
-        let at = views.posed(model.config.pose, &protocol.inputs[..SET])?;
         let ready = Ready::new(model.config, &model.params);
-        let state = ready.read_chosen(&ready.no_state(), &views, &protocol.inputs[..SET], &at)?;
+        let (state, at) = self.setup.read(&ready, &views, k, 1)?;
         let steps = Ord::min(STEPS, 8 * self.setup.size.steps);
-        let usual = Rendering::of_field(steps, self.setup.protocol(model, "uniform").rendering.inverse_beta);
+        let usual =
+            Rendering::of_field(steps, self.setup.protocol(model, Version::Uniform).rendering.inverse_beta);
         // All heads decode every sample that is taken: with a least weight few are, however many are taken.
         let usual = Rendering { least_weight: None, ..usual };
         let rendering = if with_grid { usual } else { Rendering { early_stop: None, ..usual } };

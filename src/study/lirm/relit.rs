@@ -10,13 +10,14 @@ use super::setup::{SEED, Setup, is_complete, shown};
 use crate::Result;
 use crate::experiment::{Cell, Chart, Experiment, Outcome, Report, Summary, Values, of};
 use crate::fit::field::benchmark::{Relighting, truth, view as compared};
-use crate::fit::field::mesh::{Settings as Form, bake};
+use crate::fit::field::mesh::{Settings as Form, try_bake};
 use crate::fit::field::targets::target;
 use crate::fit::field::{score, view};
 use crate::fit::training::Watch;
 use crate::shade::render::Settings as Tracing;
 use data_gen::cameras;
-use lastlight_lirm::evaluate::{SET, settings};
+use lastlight_lirm::evaluate::settings;
+use lastlight_lirm::r#gen::Version;
 use lastlight_lirm::model::weights::Ready;
 use lastlight_lirm::subject::Light;
 use lastlight_lirm::views::Views;
@@ -24,7 +25,7 @@ use serde_json::Value;
 use std::sync::atomic::AtomicBool;
 
 /// Version of the objects.
-const VERSION: &str = "environment";
+const VERSION: Version = Version::Environment;
 /// Sets that are read.
 const SETS: usize = 2;
 /// Images that are relit.
@@ -71,20 +72,15 @@ impl Experiment for Relit<'_> {
         let new = Views::of_subject(&set, other, VERSION, &self.setup.subject(k)?)?;
         let map = Light::new(&set, other)?.map;
         watch.lap("images");
-        let protocol = cameras::test(SEED, k, set.size);
         let ready = Ready::new(model.config, &model.params);
-        let at = views.posed(model.config.pose, &protocol.inputs[..SET])?;
-        let mut state = ready.no_state();
-        for which in protocol.inputs.chunks(SET).take(SETS) {
-            state = ready.read_chosen(&state, &views, which, &at)?;
-        }
+        let (state, at) = self.setup.read(&ready, &views, k, SETS)?;
         let field = ready.decode(&state, self.setup.protocol(model, VERSION).rendering, at);
         let cells = view::occupancy(&field)?;
         let [side, texture] = FORM;
         // A field without a surface cannot be relit; how many have one is a number of its own.
-        let baked = bake(&field, &Form { side, texture, ..Form::default() });
-        let mut out = Values::from([("has_surface".to_owned(), if baked.is_ok() { 1.0 } else { 0.0 })]);
-        let Ok(baked) = baked else { return Ok(out) };
+        let baked = try_bake(&field, &Form { side, texture, ..Form::default() })?;
+        let mut out = Values::from([("has_surface".to_owned(), if baked.is_some() { 1.0 } else { 0.0 })]);
+        let Some(baked) = baked else { return Ok(out) };
         watch.lap("meshes");
         let tracing = Tracing { samples: self.setup.size.samples, seed: SEED, ..Tracing::default() };
         let job = Relighting::new(&baked.object, tracing);

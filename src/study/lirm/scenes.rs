@@ -11,14 +11,15 @@ use crate::fit::training::Watch;
 use crate::scene::camera::Model;
 use data_gen::cameras;
 use lastlight_lirm::evaluate::{self, SET, settings};
-use lastlight_lirm::r#gen::{Set, Settings};
+use lastlight_lirm::r#gen::{Set, Settings, Version};
 use lastlight_lirm::model::weights::Ready;
 use lastlight_lirm::reading::INPUT_SIDE;
 use lastlight_lirm::views::Views;
 use serde_json::{Value, json};
 use std::sync::atomic::AtomicBool;
 
-/// Largest difference of a colour between two images of the same thing.
+/// Largest difference of a colour between two images of the same thing: noise, but neither shadows nor
+/// reflections of the added object. A choice.
 const SAME: f32 = 0.02;
 /// Images of the head-mounted camera that are read, four at a time.
 const HEAD: usize = 16;
@@ -63,10 +64,11 @@ impl Experiment for Added<'_> {
         // The second object is another one of the test set, beyond those that are scored.
         let first = self.setup.subject(k)?.on_side(-1.0);
         let both = first.clone().with(&self.setup.subject(k + self.setup.size.objects)?.on_side(1.0))?;
-        let [before, after] = [&first, &both].map(|subject| Views::of_subject(&set, k, "uniform", subject));
+        let [before, after] =
+            [&first, &both].map(|subject| Views::of_subject(&set, k, Version::Uniform, subject));
         let (before, after) = (before?, after?);
         watch.lap("images");
-        let p = self.setup.protocol(model, "uniform");
+        let p = self.setup.protocol(model, Version::Uniform);
         let protocol = cameras::test(SEED, k, set.size);
         let ready = Ready::new(model.config, &model.params);
         let at = before.posed(model.config.pose, &protocol.inputs[..SET])?;
@@ -167,7 +169,7 @@ impl Experiment for Head<'_> {
 
     fn run(&self, cell: usize, watch: &mut dyn Watch, _: &AtomicBool) -> Result<Values> {
         let (k, camera, model) = ((cell / 2) as u64, PROJECTIONS[cell % 2].1, self.setup.model());
-        let truth = self.setup.object(k, "uniform")?;
+        let truth = self.setup.object(k, Version::Uniform)?;
         let test = settings(SEED, self.setup.size.samples);
         let head = Settings {
             set: Set::Egocentric,
@@ -177,16 +179,16 @@ impl Experiment for Head<'_> {
             size: 2 * test.size,
             ..test.clone()
         };
-        let seen = Views::rendered(&head, k, "uniform")?.cropped(INPUT_SIDE);
+        let seen = Views::rendered(&head, k, Version::Uniform)?.cropped(INPUT_SIDE);
         watch.lap("images");
-        let p = self.setup.protocol(model, "uniform");
+        let p = self.setup.protocol(model, Version::Uniform);
         let ready = Ready::new(model.config, &model.params);
         let at = seen.posed(model.config.pose, &[0])?;
         let mut state = ready.no_state();
         let mut rounds = Vec::new();
         for set in seen.all.chunks(SET) {
             state = ready.read_views(&state, set, &at);
-            rounds.push(evaluate::state(&ready, &p, (&state, at), k, &truth)?);
+            rounds.push(evaluate::score_state(&ready, &p, (&state, at), k, &truth)?);
         }
         watch.lap("scores");
         Ok(values(&rounds))

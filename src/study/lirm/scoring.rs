@@ -1,11 +1,12 @@
 //! Stages, rounds, controls and materials: a model on unseen objects, set by set.
 
-use super::setup::{Named, Setup, is_complete, shown, values};
+use super::setup::{NamedModel, Setup, is_complete, shown, values};
 use crate::Result;
 use crate::experiment::{Cell, Chart, Curve, Experiment, Outcome, Report, Summary, Values, of, paired, rows};
 use crate::fit::training::Watch;
 use crate::num::order;
 use lastlight_lirm::evaluate::{self, Control, Order};
+use lastlight_lirm::r#gen::Version;
 use lastlight_lirm::model::weights::Ready;
 use serde_json::{Value, json};
 use std::sync::atomic::AtomicBool;
@@ -16,12 +17,19 @@ pub(super) struct Row {
     name: String,
     /// Index of the model.
     model: usize,
-    version: &'static str,
+    version: Version,
     order: Order,
     control: Control,
     sets: usize,
     shapes: bool,
     baselines: bool,
+}
+
+impl Row {
+    /// Names of version, order and control.
+    fn names(&self) -> [&'static str; 3] {
+        [self.version.name(), self.order.name(), self.control.name()]
+    }
 }
 
 /// An experiment that scores models.
@@ -39,7 +47,7 @@ fn plain(setup: &Setup, name: &str) -> Row {
     Row {
         name: name.to_owned(),
         model: setup.models.len() - 1,
-        version: "uniform",
+        version: Version::Uniform,
         order: Order::Random,
         control: Control::None,
         sets: 4,
@@ -59,7 +67,7 @@ const FOLDER: &str = "scores";
 /// Every model after four sets, with its surface.
 pub fn stages(setup: &Setup) -> Scoring<'_> {
     let last = setup.models.len() - 1;
-    let row = |(model, named): (usize, &Named)| Row {
+    let row = |(model, named): (usize, &NamedModel)| Row {
         model,
         baselines: model == last,
         ..plain(setup, &named.name)
@@ -89,18 +97,18 @@ pub fn controls(setup: &Setup) -> Scoring<'_> {
 
 /// Materials under maps.
 pub fn materials(setup: &Setup) -> Scoring<'_> {
-    let under = |version: &'static str| Row {
+    let under = |version: Version| Row {
         version,
         sets: 2,
         baselines: version == UNDER[0],
-        ..other(setup, version)
+        ..other(setup, version.name())
     };
     let rows = UNDER.map(under).into();
     Scoring { id: "materials", setup, rows, report: of_materials }
 }
 
 /// Versions under a map; the second is smoother.
-const UNDER: [&str; 2] = ["environment", "shiny"];
+const UNDER: [Version; 2] = [Version::Environment, Version::Shiny];
 const RANDOM: &str = "random order";
 const SEQUENTIAL: &str = "sequential order";
 const WHOLE: &str = "unbroken";
@@ -121,8 +129,9 @@ impl Experiment for Scoring<'_> {
     fn cells(&self) -> Vec<Cell> {
         // Object by object, so that its images are made once.
         let cell = |k: u64, row: &Row| {
-            let what = format!("{}_{:?}_{:?}", row.version, row.order, row.control).to_lowercase();
-            let key = format!("{}_{what}_{k:03}", self.setup.models[row.model].digest);
+            let digest = &self.setup.models[row.model].digest;
+            let [version, order, control] = row.names();
+            let key = format!("{digest}_{version}_{order}_{control}_{k:03}");
             Cell { key, row: row.name.clone(), seed: k }
         };
         (0..self.setup.size.objects).flat_map(|k| self.rows.iter().map(move |row| cell(k, row))).collect()
@@ -131,14 +140,7 @@ impl Experiment for Scoring<'_> {
     fn settings(&self, cell: usize) -> Value {
         let row = &self.rows[cell % self.rows.len()];
         let mut record = self.setup.record(&self.setup.models[row.model].model);
-        record["row"] = json!([
-            row.version,
-            format!("{:?}", row.order),
-            format!("{:?}", row.control),
-            row.sets,
-            row.shapes,
-            row.baselines
-        ]);
+        record["row"] = json!([row.names(), row.sets, row.shapes, row.baselines]);
         record
     }
 
@@ -146,7 +148,7 @@ impl Experiment for Scoring<'_> {
         let (k, row) = ((cell / self.rows.len()) as u64, &self.rows[cell % self.rows.len()]);
         let model = &self.setup.models[row.model].model;
         // A model of the first stages has no materials.
-        if row.version != "uniform" && !model.config.is_whole {
+        if row.version.is_under_map() && !model.config.is_whole {
             return Ok(Values::from([("has_materials".to_owned(), 0.0)]));
         }
         let views = self.setup.object(k, row.version)?;
@@ -158,11 +160,11 @@ impl Experiment for Scoring<'_> {
         let mut p = self.setup.protocol(model, row.version);
         (p.order, p.control, p.sets) = (row.order, row.control, row.sets);
         (p.shapes, p.baselines) = (row.shapes, row.baselines);
-        if row.version != "uniform" {
+        if row.version.is_under_map() {
             p.typical = Some(self.setup.typical(row.version)?);
         }
         let scores =
-            evaluate::views(&Ready::new(model.config, &model.params), &p, k, &views, other.as_deref())?;
+            evaluate::score_views(&Ready::new(model.config, &model.params), &p, k, &views, other.as_deref())?;
         watch.lap("scores");
         Ok(values(&scores.rounds))
     }
@@ -374,6 +376,8 @@ fn of_controls(x: &Scoring<'_>, results: &[(Cell, Values)]) -> Report {
 
 fn of_materials(x: &Scoring<'_>, results: &[(Cell, Values)]) -> Report {
     let all = [
+        ("albedo_error", 3),
+        ("mean_albedo_error", 3),
         ("albedo_db", 2),
         ("mean_albedo_db", 2),
         ("roughness", 3),
@@ -387,7 +391,7 @@ fn of_materials(x: &Scoring<'_>, results: &[(Cell, Values)]) -> Report {
         all.iter().map(|(name, digits)| (format!("{name}_2"), *digits)).collect();
     let is_better = |row: &String| {
         let of = |name: &str| mean(results, row, &format!("{name}_2")).mean;
-        of("albedo_db") > of("mean_albedo_db")
+        of("albedo_error") < of("mean_albedo_error")
             && of("roughness") < of("mean_roughness")
             && of("metallic") < of("mean_metallic")
     };
@@ -395,14 +399,24 @@ fn of_materials(x: &Scoring<'_>, results: &[(Cell, Values)]) -> Report {
         let of = |name: &str| mean(results, row, &format!("{name}_2")).mean;
         of("roughness") < of("median_roughness") && of("metallic") < of("median_metallic")
     };
-    let has_materials = results.iter().any(|(_, v)| v.contains_key("albedo_db_2"));
+    let has_materials = results.iter().any(|(_, v)| v.contains_key("albedo_error_2"));
+    let beside = |row: &String| {
+        let of = |name: &str| {
+            let own = between(results, row, [&format!("{name}_2"), &format!("mean_{name}_2")]);
+            shown(&own, 3)
+        };
+        let [albedo, roughness, metallic] = ["albedo_error", "roughness", "metallic"].map(of);
+        format!("{row}: albedo {albedo}, roughness {roughness}, metallic {metallic}")
+    };
     let all = rows(results);
     Report {
         id: x.id,
-        claim: "Albedo after its scale, roughness and metallic are each better than the means of training objects, after two sets.",
+        claim: "Albedo after its scale (one factor per image), roughness and metallic are each better than the means of training objects, after two sets.",
         head: vec![
             "light",
-            ">albedo, dB",
+            ">albedo, error",
+            ">of the mean",
+            ">albedo, a factor per channel, dB",
             ">of the mean",
             ">roughness, error",
             ">of the mean",
@@ -414,14 +428,15 @@ fn of_materials(x: &Scoring<'_>, results: &[(Cell, Values)]) -> Report {
         rows: all.iter().map(|row| line(results, row, &names)).collect(),
         chart_labels: BY_IMAGES,
         chart: curves(results, true),
-        outcome: Outcome::of(are_complete(x, results, "albedo_db_2").then(|| all.iter().all(is_better))),
+        outcome: Outcome::of(are_complete(x, results, "albedo_error_2").then(|| all.iter().all(is_better))),
         verdict: match has_materials {
             false => "The model has no materials.".into(),
             true => {
                 let held = all.iter().filter(|row| is_better(row)).count();
                 let medians = all.iter().filter(beats_medians).count();
                 format!(
-                    "All three are better under {held} of {n} lights; roughness and metallic are better than the medians under {medians}.",
+                    "All three are better under {held} of {n} lights; roughness and metallic are better than the medians under {medians}. Errors beside those of the means ({}).",
+                    all.iter().map(beside).collect::<Vec<_>>().join("; "),
                     n = all.len()
                 )
             }

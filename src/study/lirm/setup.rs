@@ -4,11 +4,18 @@ use crate::experiment::{Cell, Experiment, Summary, Values};
 use crate::io::memory;
 use crate::num::elem::f64 as elem;
 use crate::num::order;
+use crate::scene::field::Placement;
 use crate::{Error, Result};
-use lastlight_lirm::evaluate::{Control, Numbers, Order, Protocol, Typical, settings, typical_materials};
+use data_gen::cameras;
+use lastlight_lirm::evaluate::{
+    Control, Numbers, Order, Protocol, SET, Typical, settings, typical_materials,
+};
+use lastlight_lirm::r#gen::Version;
 use lastlight_lirm::model::decode::Rendering;
 use lastlight_lirm::model::file::{Model, digest};
+use lastlight_lirm::model::origin::training_seed;
 use lastlight_lirm::model::params::count;
+use lastlight_lirm::model::weights::Ready;
 use lastlight_lirm::subject::Subject;
 use lastlight_lirm::views::Views;
 use serde_json::{Value, json};
@@ -25,7 +32,7 @@ const OBJECT_BYTES: u64 = 54 << 20;
 /// Part of the memory limit that images may take.
 const PART: u64 = 4;
 /// Counts changes of what the cells compute: results of another number are not used again.
-pub(super) const REVISION: u32 = 3;
+pub(super) const REVISION: u32 = 4;
 
 /// Objects whose images are kept under the limit of memory.
 fn most_kept() -> u64 {
@@ -67,7 +74,7 @@ impl Size {
 
 /// A model with its name in tables.
 #[derive(Debug)]
-pub struct Named {
+pub struct NamedModel {
     /// The last stage that made it.
     pub name: String,
     /// The model.
@@ -76,7 +83,7 @@ pub struct Named {
     pub digest: String,
 }
 
-impl Named {
+impl NamedModel {
     /// Names a model by its last stage.
     pub fn new(model: Model) -> Self {
         let name = model.stages().last().map_or_else(|| "first values".to_owned(), |s| format!("stage {s}"));
@@ -85,8 +92,8 @@ impl Named {
     }
 }
 
-/// The images of objects that were made last, by number and kind.
-type Kept = Vec<((u64, String), Arc<Views>)>;
+/// The images of objects that were made last, by number and version.
+type Kept = Vec<((u64, Version), Arc<Views>)>;
 
 /// Models, sizes and images.
 #[derive(Debug)]
@@ -94,9 +101,9 @@ pub struct Setup {
     /// Sizes of the runs.
     pub size: Size,
     /// The model that is scored is the last.
-    pub models: Vec<Named>,
+    pub models: Vec<NamedModel>,
     kept: Mutex<Kept>,
-    typical: Mutex<BTreeMap<String, Typical>>,
+    typical: Mutex<BTreeMap<Version, Typical>>,
 }
 
 impl Setup {
@@ -104,7 +111,7 @@ impl Setup {
     ///
     /// # Errors
     /// If there is no model.
-    pub fn new(size: Size, mut models: Vec<Named>) -> Result<Self> {
+    pub fn new(size: Size, mut models: Vec<NamedModel>) -> Result<Self> {
         if models.is_empty() {
             return Err(Error::input("--model").expected("at least one model").got("none"));
         }
@@ -125,10 +132,10 @@ impl Setup {
     }
 
     /// How a model is scored, without the comparison of materials.
-    pub fn protocol(&self, model: &Model, version: &str) -> Protocol {
+    pub fn protocol(&self, model: &Model, version: Version) -> Protocol {
         Protocol {
             set: settings(SEED, self.size.samples),
-            version: version.to_owned(),
+            version,
             order: Order::Random,
             rendering: Rendering::of_field(self.size.steps, model.inverse_beta()),
             control: Control::None,
@@ -140,17 +147,17 @@ impl Setup {
         }
     }
 
-    /// The images of a subject with the cameras of object `k`; `kind` names it.
+    /// The images of object `k` of the test set.
     ///
     /// # Errors
     /// Those of the rendering.
-    pub fn images(&self, k: u64, kind: &str, made: impl FnOnce() -> Result<Views>) -> Result<Arc<Views>> {
-        let key = (k, kind.to_owned());
+    pub fn object(&self, k: u64, version: Version) -> Result<Arc<Views>> {
+        let key = (k, version);
         let find = |kept: &Kept| kept.iter().find(|(own, _)| *own == key).map(|(_, views)| views.clone());
         if let Some(views) = find(&self.kept.lock().unwrap_or_else(PoisonError::into_inner)) {
             return Ok(views);
         }
-        let mut views = made()?;
+        let mut views = Views::rendered(&settings(SEED, self.size.samples), k, version)?;
         // No experiment compares it here.
         views.all.iter_mut().for_each(|view| view.picture.passes.radiance = None);
         let views = Arc::new(views);
@@ -162,27 +169,38 @@ impl Setup {
         Ok(views)
     }
 
-    /// The images of object `k` of the test set.
-    ///
-    /// # Errors
-    /// Those of the rendering.
-    pub fn object(&self, k: u64, version: &str) -> Result<Arc<Views>> {
-        let set = settings(SEED, self.size.samples);
-        self.images(k, version, || Views::rendered(&set, k, version))
-    }
-
     /// Typical materials of training objects.
     ///
     /// # Errors
     /// Those of the rendering.
-    pub fn typical(&self, version: &str) -> Result<Typical> {
+    pub fn typical(&self, version: Version) -> Result<Typical> {
         let mut all = self.typical.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(typical) = all.get(version) {
+        if let Some(typical) = all.get(&version) {
             return Ok(*typical);
         }
-        let typical = typical_materials(0, version)?;
-        all.insert(version.to_owned(), typical);
+        let typical = typical_materials(training_seed(&self.model().training), version)?;
+        all.insert(version, typical);
         Ok(typical)
+    }
+
+    /// Reads the first sets of an object's test views in random order; returns the state, and the place of the object.
+    ///
+    /// # Errors
+    /// When the images do not show which direction is up.
+    pub fn read(
+        &self,
+        ready: &Ready<'_>,
+        views: &Views,
+        k: u64,
+        sets: usize,
+    ) -> Result<(Vec<f32>, Placement)> {
+        let inputs = cameras::test(SEED, k, settings(SEED, self.size.samples).size).inputs;
+        let place = views.posed(ready.config.pose, &inputs[..SET])?;
+        let mut state = ready.no_state();
+        for set in inputs.chunks(SET).take(sets) {
+            state = ready.read_chosen(&state, views, set, &place)?;
+        }
+        Ok((state, place))
     }
 
     /// The bytes that models and the images of objects need.

@@ -21,33 +21,32 @@
 
 use super::setup::{REVISION, SEED, Setup, shown};
 use crate::experiment::{Cell, Chart, Experiment, Outcome, Report, Summary, Values, rows};
-use crate::fit::training::{History, Session, Watch};
+use crate::fit::training::{Session, Watch};
 use crate::{Error, Result};
 use data_gen::cameras;
 use lastlight_lirm::evaluate::{self, SET};
+use lastlight_lirm::r#gen::Version;
 use lastlight_lirm::model::config::Config;
 use lastlight_lirm::model::decode::Rendering;
 use lastlight_lirm::model::weights::Ready;
 use lastlight_lirm::train::optimizer;
-use lastlight_lirm::train::source::Rendered;
+use lastlight_lirm::train::source::BuiltInObjects;
 use lastlight_lirm::train::stage::{Stage, USES};
 use lastlight_lirm::train::{Settings, Training};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Weight of signed distances.
+/// Weight of signed distances, that of the first part of the included model; not searched.
 const DISTANCES: f32 = 60.0;
 /// Steps between checkpoints.
 const EVERY: usize = 50;
 /// Folder of the trainings: a complete one is scored again without its steps.
 const TRAININGS: &str = "trainings";
 /// Version of the objects that are scored.
-const VERSION: &str = "shiny";
+const VERSION: Version = Version::Shiny;
 /// Sets that are scored.
 const SETS: usize = 3;
-/// Pixels per side of an image.
-const SIDE: usize = 128;
 
 /// A kind of model.
 #[derive(Clone, Copy, Debug)]
@@ -159,25 +158,17 @@ impl Experiment for Variants<'_> {
 
     fn run(&self, cell: usize, watch: &mut dyn Watch, stop: &AtomicBool) -> Result<Values> {
         let kind = KINDS[cell];
-        let source = Rendered::new(kind.seed);
-        let made = || Training::new(self.training(&kind)?, kind.config, None, &source);
-        let mut training = made()?;
+        let source = BuiltInObjects::new(kind.seed);
+        let mut training = Training::new(self.training(&kind)?, kind.config, None, &source)?;
         let folder = self.dir.join(TRAININGS);
         std::fs::create_dir_all(&folder).map_err(|e| Error::os(&folder, &e))?;
         // A training of another version is not scored as one of this.
         let name = format!("{}-{}-{REVISION}.safetensors", self.cells()[cell].key, env!("CARGO_PKG_VERSION"));
         let checkpoint = folder.join(name);
         let session = Session { checkpoint: &checkpoint, every: EVERY };
-        let history = match session.begin(&mut training, true) {
-            Ok((so_far, _)) => so_far,
-            // A checkpoint of other settings or an incomplete one cannot be used, and is kept beside.
-            Err(_) => {
-                let unused = checkpoint.with_extension("unused");
-                std::fs::rename(&checkpoint, &unused).map_err(|e| Error::os(&unused, &e))?;
-                training = made()?;
-                History::default()
-            }
-        };
+        let (history, _) = session
+            .begin(&mut training, true)
+            .map_err(|e| e.hint(format!("without {} this model is trained anew", checkpoint.display())))?;
         session.run(&mut training, history, stop, watch)?;
         let ready = Ready::new(*training.config(), training.params());
         let mut p = self.setup.protocol(self.setup.model(), VERSION);
@@ -189,14 +180,14 @@ impl Experiment for Variants<'_> {
                 return Err(Error::interrupted("lirm study"));
             }
             let views = self.setup.object(k, VERSION)?;
-            let inputs = cameras::test(SEED, k, SIDE).inputs;
+            let inputs = cameras::test(SEED, k, p.set.size).inputs;
             let at = views.posed(kind.config.pose, &inputs[..SET])?;
             let mut state = ready.no_state();
             for set in 0..SETS {
                 let own = if kind.updates { SET * set } else { 0 };
                 let from = if kind.updates { state } else { ready.no_state() };
                 state = ready.read_chosen(&from, &views, &inputs[own..SET * (set + 1)], &at)?;
-                let numbers = evaluate::state(&ready, &p, (&state, at), k, &views)?;
+                let numbers = evaluate::score_state(&ready, &p, (&state, at), k, &views)?;
                 values.insert(format!("psnr_db_{}_{k:03}", set + 1), numbers["psnr_db"]);
             }
         }
@@ -235,11 +226,11 @@ impl Experiment for Variants<'_> {
                 .collect()
         };
         let mut lines: Vec<Vec<String>> = rows(results).iter().map(line).collect();
-        let differences = pairs.iter().map(|(name, s)| {
+        let of_pairs = pairs.iter().map(|(name, s)| {
             std::iter::once((*name).to_owned()).chain(s.iter().map(|s| shown(s, 2))).collect()
         });
-        lines.extend(differences);
-        let told: Vec<String> =
+        lines.extend(of_pairs);
+        let differences: Vec<String> =
             pairs.iter().map(|(name, s)| format!("{name}: {} dB", shown(&s[1], 2))).collect();
         let charted = pairs.iter().map(|(name, s)| ((*name).to_owned(), s[1])).collect();
         Report {
@@ -250,9 +241,9 @@ impl Experiment for Variants<'_> {
             chart_labels: ["difference in dB after 8 images, paired by object", ""],
             chart: Chart::Intervals(charted),
             outcome: Outcome::Reported,
-            verdict: match told.is_empty() {
+            verdict: match differences.is_empty() {
                 true => "No pair is complete.".into(),
-                false => format!("After 8 images, {}.", told.join("; ")),
+                false => format!("After 8 images, {}.", differences.join("; ")),
             },
         }
     }

@@ -78,7 +78,8 @@ fn every_edge_of_a_field_is_in_two_triangles_also_where_it_leaves_the_box() {
         let field = bumpy(radius);
         field.validate().expect("a field");
         for smoothing in [0, 10] {
-            let (mesh, ..) = shape(&field, &Settings { smoothing, ..settings() }).expect("a surface");
+            let (mesh, ..) =
+                shape(&field, &Settings { smoothing, ..settings() }).expect("finite").expect("a surface");
             let edges = closed(&mesh);
             assert_eq!(2 * edges, 3 * mesh.triangles.len(), "three half edges per triangle");
             assert!(mesh.triangles.len() > 5_000, "{radius}: {} triangles", mesh.triangles.len());
@@ -99,7 +100,7 @@ fn normals_are_those_of_the_head_unless_they_point_inwards() {
     let make = |radius: f64, head: Option<Network>, normals: Normals| {
         let mut field = bumpy(radius);
         field.heads.normal = head;
-        shape(&field, &Settings { normals, ..settings() }).expect("a surface").0
+        shape(&field, &Settings { normals, ..settings() }).expect("finite").expect("a surface").0
     };
     // Without weights the head gives the radial direction.
     let radial = || Some(Network { widths: vec![6, 3], weights: vec![vec![0.0; 18]] });

@@ -82,7 +82,7 @@ fn a_fit_goes_on_when_its_field_is_empty() {
 fn the_mesh_of_zero_planes_is_a_sphere_of_a_tenth_of_the_box() {
     let mut field = sphere();
     let radius = 0.1 * field.settings.half_size;
-    let (mesh, cavities, parts) = shape(&field, &coarse()).expect("a surface");
+    let (mesh, cavities, parts) = shape(&field, &coarse()).expect("finite").expect("a surface");
     assert_eq!((cavities, parts), (0, 1), "one closed surface");
     let cell = 2.0 * field.settings.half_size / 63.0;
     for x in &mesh.positions {

@@ -202,11 +202,12 @@ fn distances(field: &Field, side: usize) -> Result<Vec<f32>> {
     Ok(parts.concat())
 }
 
-/// Returns the surface of a field in its units: closed, without cavities and small parts.
+/// Returns the surface of a field in its units: closed, without cavities and small parts; with the number of
+/// cavities and of all parts. `None` if no signed distance in the box is negative: there is no surface.
 ///
 /// # Errors
-/// When the field has no surface in its box.
-pub fn shape(field: &Field, settings: &Settings) -> Result<(Mesh, usize, usize)> {
+/// When a setting is out of its range, or a value is not finite.
+pub fn shape(field: &Field, settings: &Settings) -> Result<Option<(Mesh, usize, usize)>> {
     settings.validate()?;
     let side = settings.side;
     let half = field.settings.half_size;
@@ -214,10 +215,7 @@ pub fn shape(field: &Field, settings: &Settings) -> Result<(Mesh, usize, usize)>
     let spacing = [2.0 * half / (side - 1) as f32; 3];
     let values = distances(field, side)?;
     if !values.iter().any(|s| *s < 0.0) {
-        return Err(Error::check("field mesh")
-            .at("surface")
-            .expected("a negative signed distance somewhere in the box")
-            .got("none: the field is empty"));
+        return Ok(None);
     }
     let (values, cavities) = fill_cavities(&Volume { values: &values, size, origin, spacing })?;
     let whole = surface(&Volume { values: &values, size, origin, spacing })?;
@@ -232,7 +230,7 @@ pub fn shape(field: &Field, settings: &Settings) -> Result<(Mesh, usize, usize)>
     if settings.normals == Normals::Head {
         take_heads(field, &mut mesh);
     }
-    Ok((mesh, cavities, parts))
+    Ok(Some((mesh, cavities, parts)))
 }
 
 /// Replaces normals by those of the normal head, if there is one, where both lie on the same side.
@@ -340,7 +338,20 @@ fn maps(field: &Field, texels: &[Texel], size: usize, base: Base) -> Material {
 /// # Errors
 /// When the field has no surface, or the charts do not fit the maps.
 pub fn bake(field: &Field, settings: &Settings) -> Result<Baked> {
-    let (mesh, cavities, parts) = shape(field, settings)?;
+    try_bake(field, settings)?.ok_or_else(|| {
+        Error::check("field mesh")
+            .at("surface")
+            .expected("a negative signed distance somewhere in the box")
+            .got("none: the field is empty")
+    })
+}
+
+/// [`bake`], but `None` where the field has no surface.
+///
+/// # Errors
+/// When a setting is out of its range, a value is not finite, or the charts do not fit the maps.
+pub fn try_bake(field: &Field, settings: &Settings) -> Result<Option<Baked>> {
+    let Some((mesh, cavities, parts)) = shape(field, settings)? else { return Ok(None) };
     let size = settings.texture;
     let made = unwrap(&mesh, &atlas::Settings { size, gutter: GUTTER })?;
     let texels = cover(&made.mesh, &made.chart_of, [size; 2])?;
@@ -356,5 +367,5 @@ pub fn bake(field: &Field, settings: &Settings) -> Result<Baked> {
     }
     let used = texels.len() as f64 / (size * size) as f64;
     let object = Object { material_of: vec![0; mesh.triangles.len()], mesh, materials: vec![material] };
-    Ok(Baked { object, cavities, parts, charts: made.charts, used })
+    Ok(Some(Baked { object, cavities, parts, charts: made.charts, used }))
 }

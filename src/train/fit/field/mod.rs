@@ -52,6 +52,7 @@ pub mod view;
 
 pub use scores::{Scores, score};
 pub use settings::{Beta, HeadForm, Materials, Settings};
+pub use state::HALF_SIZE;
 pub use targets::{Target, Targets};
 
 use self::crops::Crop;

@@ -43,6 +43,10 @@ pub struct MaterialErrors {
     /// [`crate::loss::metric::orb`]): light and albedo share a scale, which images alone do not determine.
     /// `None` with fewer than [`FEWEST`] pixels: the scales fit a single one exactly.
     pub albedo_aligned_db: Option<f64>,
+    /// Root mean square error of the linear albedo, after one least-squares factor for all channels: it tells a
+    /// hue from another, and is bounded, where [`Self::albedo_aligned_db`] of an object of one colour is not.
+    /// `None` with fewer than [`FEWEST`] pixels.
+    pub albedo_error: Option<f64>,
     /// `PSNR-A` of [`crate::loss::metric::orb`]: linear values over the whole image, after the same scale.
     pub albedo_orb_db: Option<f64>,
     /// Mean absolute error of roughness.
@@ -66,6 +70,19 @@ fn angle_deg(a: [f32; 3], b: [f32; 3]) -> f64 {
 /// Number of decibels; +∞ if no value differs.
 pub(super) fn decibels(x: Decibel) -> f64 {
     x.finite().unwrap_or(f64::INFINITY)
+}
+
+/// The root mean square of s·x − y over some pixels of linear colours (H, W, 3), with the s ≥ 0 that makes it
+/// least; 0 without pixels.
+fn after_one_factor(x: &[f32], y: &[f32], pixels: &[usize]) -> f64 {
+    let pairs = || {
+        let values = pixels.iter().flat_map(|i| 3 * i..3 * i + 3);
+        values.map(|i| (f64::from(x[i]), f64::from(y[i])))
+    };
+    let [xx, xy] = pairs().fold([0.0; 2], |[xx, xy], (x, y)| [xx + x * x, xy + x * y]);
+    let s = if xx > 0.0 { xy / xx } else { 0.0 };
+    let squares: Vec<f64> = pairs().map(|(x, y)| (s * x - y) * (s * x - y)).collect();
+    mean(&squares).unwrap_or_default().sqrt()
 }
 
 /// Compares the materials of a view with its passes: albedo (H, W, 3), roughness and metallic (H, W, 2), where the opacity (H, W) is above [`VALID`].
@@ -97,6 +114,7 @@ pub fn materials(
         let covered: Vec<f32> =
             (0..target.foreground.len()).map(|i| f32::from(u8::from(counts(i)))).collect();
         let (x, y) = (linear(ours), linear(truth));
+        out.albedo_error = Some(after_one_factor(&x, &y, &inside)).filter(|_| inside.len() >= FEWEST);
         let (height, width) = (target.camera.height, target.camera.width);
         let pair = orb::In { x: &x, y: &y, foreground: &covered, height, width };
         out.albedo_aligned_db =
@@ -167,7 +185,7 @@ impl Scores {
         json!({
             "name": s.name, "psnr_db": s.psnr_db, "ssim": s.ssim, "mae": s.mae,
             "numerical_normals_deg": self.numerical_deg, "normal_head_deg": self.head_deg,
-            "depth": self.depth, "albedo_db": m.albedo_db, "albedo_aligned_db": m.albedo_aligned_db, "albedo_orb_db": m.albedo_orb_db,
+            "depth": self.depth, "albedo_db": m.albedo_db, "albedo_aligned_db": m.albedo_aligned_db, "albedo_error": m.albedo_error, "albedo_orb_db": m.albedo_orb_db,
             "roughness": m.roughness, "metallic": m.metallic,
         })
     }
@@ -188,6 +206,7 @@ pub fn means(all: &[Scores]) -> Value {
         "depth": of(&|s| s.depth),
         "albedo_db": of(&|s| s.materials.albedo_db),
         "albedo_aligned_db": of(&|s| s.materials.albedo_aligned_db),
+        "albedo_error": of(&|s| s.materials.albedo_error),
         "albedo_orb_db": of(&|s| s.materials.albedo_orb_db),
         "roughness": of(&|s| s.materials.roughness),
         "metallic": of(&|s| s.materials.metallic),

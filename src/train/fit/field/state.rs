@@ -12,8 +12,8 @@ use std::collections::BTreeMap;
 
 /// Purpose of the first values; the item is the entry, the step the array.
 const PURPOSE: u16 = 0x0533;
-/// Half size of the box of a field.
-pub(super) const HALF_SIZE: f32 = 0.525;
+/// Half size of the box of a field whose object is in the ball of radius ½: 1.05 times the radius.
+pub const HALF_SIZE: f32 = 0.525;
 /// Largest first value of planes and panoramas.
 const SPREAD: f32 = 0.1;
 /// Xavier gain of the network of the signed distance (LIRM), and of the others, which begin with more contrast.

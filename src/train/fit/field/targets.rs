@@ -264,16 +264,16 @@ pub fn share(color: [f32; 3], coverage: f32) -> [f32; 3] {
 }
 
 /// Gives all images a common exposure, where they were exposed one by one, and brightens dark objects; returns the factor
-/// from radiance to the images.
+/// from radiance to the images. Where the exposure of an image is not known, all stay as they are: `None`.
 ///
 /// # Errors
 /// When a value is out of its range.
-pub fn expose(pictures: &mut [Picture], given: Option<f64>) -> Result<f64> {
+pub fn expose(pictures: &mut [Picture], given: Option<f64>) -> Result<Option<f64>> {
     let Some(exposures) = pictures.iter().map(|p| p.passes.exposure).collect::<Option<Vec<f64>>>() else {
-        return Ok(1.0);
+        return Ok(None);
     };
     if exposures.iter().all(|e| *e == 1.0) && given.is_none_or(|g| g == 1.0) {
-        return Ok(1.0);
+        return Ok(Some(1.0));
     }
     let mut photographs: Vec<Photograph> = pictures
         .iter()
@@ -300,7 +300,7 @@ pub fn expose(pictures: &mut [Picture], given: Option<f64>) -> Result<f64> {
         let pixels = p.color.as_chunks_mut::<3>().0.iter_mut().zip(lit.color).zip(&p.foreground);
         pixels.filter(|(_, m)| **m > 0.0).for_each(|((x, lit), m)| *x = lit.map(|x| x * m + (1.0 - m)));
     }
-    Ok(factor)
+    Ok(Some(factor))
 }
 
 /// Whether a ray of a foreground pixel meets the box of the field; the camera is in its units.
@@ -326,6 +326,8 @@ pub struct Pictures {
     pub pictures: Vec<Picture>,
     /// Factor from radiance to the linear value of an image.
     pub exposure: f64,
+    /// Whether the exposures of all images are known, so that they have that common one now.
+    pub is_exposed: bool,
     /// Whether the object is known to be in the ball of radius ½ around the origin.
     pub is_unit_ball: bool,
 }
@@ -353,7 +355,9 @@ impl Pictures {
         });
         let mut pictures = read.into_iter().collect::<Result<Vec<_>>>()?;
         let exposure = expose(&mut pictures, exposure)?;
-        Ok(Self { views, pictures, exposure, is_unit_ball: capture.is_unit_ball })
+        let is_exposed = exposure.is_some();
+        let exposure = exposure.unwrap_or(1.0);
+        Ok(Self { views, pictures, exposure, is_exposed, is_unit_ball: capture.is_unit_ball })
     }
 
     /// Returns the held-out images in the units of a field.

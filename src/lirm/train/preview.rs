@@ -8,6 +8,7 @@ use crate::fit::evaluate::compare;
 use crate::fit::field::targets::target;
 use crate::fit::field::{Target, view};
 use crate::fit::training::Preview;
+use crate::lirm::r#gen::Version;
 use crate::lirm::model::config::Config;
 use crate::lirm::model::decode::Rendering;
 use crate::lirm::model::transformer::Input;
@@ -23,16 +24,16 @@ const READ: usize = 4;
 
 /// One object.
 #[derive(Debug)]
-pub(super) struct Shown {
+pub(super) struct PreviewObject {
     name: String,
     inputs: Vec<Input>,
     target: Target,
     placement: Placement,
 }
 
-impl Shown {
+impl PreviewObject {
     /// Makes object `k`: four images that are spread around it, and one between them.
-    pub(super) fn new(of: &dyn Source, k: u64, version: &str, config: &Config) -> Result<Self> {
+    pub(super) fn new(of: &dyn Source, k: u64, version: Version, config: &Config) -> Result<Self> {
         let small = of.object(k, version)?.sized(INPUT_SIDE)?;
         let angle = |i: usize| {
             let [x, y, _] = small.all[i].picture.camera.center();
