@@ -47,7 +47,7 @@ const COLUMNS: [(&str, &str, usize); 25] = [
     ("has_surface", "found", 2),
     ("albedo_db", "albedo", 2),
     ("mean_albedo_db", "of mean", 2),
-    ("albedo_error", "error", 3),
+    ("albedo_error", "alb. error", 3),
     ("mean_albedo_error", "of mean", 3),
     ("roughness", "roughness", 3),
     ("mean_roughness", "of mean", 3),
@@ -78,7 +78,7 @@ const CONTROLS: &Choices = &[
   lastlight lirm eval s1c --seed 1 --no-baselines           for comparing trainings
   lastlight lirm eval s3 --light environment --input-order sequential
 
-Every object has 48 views (lirm gen --cameras test): 16 inputs in four sets, read at 64x64, and 12 outputs, compared at 128x128. Baselines, all with the true foregrounds: the nearest input image; the visual hull of the inputs with their mean colours, from 128x128 (hull), from the 64x64 that the model reads (hull 64²), and the former blurred by one pixel (blurred). Materials count where the object covers a pixel and the model is opaque, beside means and medians of training objects. albedo, in dB after a factor per channel, and error, the root mean square of linear values after one factor. PSNR in dB over white; RFD, a distance of responses to random filters (not LPIPS); IoU of foregrounds; colour, the error of the mean colour, beside that of a grey of the true brightness; normals in degrees; depth, the mean absolute difference in units in which the object's ball has the radius ½; with --shapes, surface, the mean distance of the surfaces in radii of the object, and found, the share of objects that have a surface; means over outputs, then objects.")]
+Every object has 48 views (lirm gen --cameras test): 16 inputs in four sets, read at 64x64, and 12 outputs, compared at 128x128. Baselines, all with the true foregrounds: the nearest input image; the visual hull of the inputs with their mean colours, from 128x128 (hull), from the 64x64 that the model reads (hull 64²), and the former blurred by one pixel (blurred). Materials count where the object covers a pixel and the model is opaque, beside means and medians of training objects. albedo is in dB after a factor per channel; alb. error is the root mean square of its linear values after one factor for all channels. PSNR in dB over white; RFD, a distance of responses to random filters (not LPIPS); IoU of foregrounds; colour, the error of the mean colour, beside that of a grey of the true brightness; normals in degrees; depth, the mean absolute difference in units in which the object's ball has the radius ½; with --shapes, surface, the mean distance of the surfaces in radii of the object, and found, the share of objects that have a surface; means over outputs, then objects.")]
 pub(crate) struct Args {
     /// Model, or the folder of a training [default: the included model]
     #[arg(value_name = "FILE")]
@@ -131,7 +131,6 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let mut meter = Meter::new();
     let (model, name) = weights::model(args.model.as_deref(), &meter)?;
     let inverse_beta = weights::inverse_beta(args.inverse_beta, &model)?;
-    // All images so far in one round, or those of a set.
     let trained = training_seed(&model.training);
     if model.training.iter().any(|part| part.seed == args.seed) {
         meter.note(&format!(
@@ -141,6 +140,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     }
     let version = Version::named(&args.light).expect("a value of LIGHTS");
     let control = Control::named(&args.control).expect("a value of CONTROLS");
+    // All images so far in one round, or those of a set.
     let sets = if control == Control::AtOnce { usize::from(args.sets) } else { 1 };
     let tokens = sets * SET * (INPUT_SIDE / PATCH) * (INPUT_SIDE / PATCH);
     memory::check("lirm eval", model.config.memory(count(&model.config), tokens))?;

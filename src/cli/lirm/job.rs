@@ -36,7 +36,7 @@ pub(crate) struct Job<'a> {
     pub(crate) settings: Value,
 }
 
-/// What a change of the score in dB lets expect.
+/// What is printed beside a change of the score, in dB.
 fn remark(gain: f64) -> &'static str {
     match gain {
         gain if gain <= -LITTLE => ": the new images made it worse",

@@ -304,7 +304,7 @@ impl Stage {
             "sets": self.sets[1], "images": self.images, "samples": self.samples, "inverse_beta": self.inverse_beta, "target": self.target,
             "first_object": self.first_object, "points": self.points, "distances": self.distances,
         });
-        if self.sets[0] != 1 && !self.updates {
+        if self.sets[0] != if self.updates { 2 } else { 1 } {
             all["least_sets"] = json!(self.sets[0]);
         }
         // Runs that began before it existed go on.

@@ -1,6 +1,7 @@
 //! Scenes beyond one object on a turntable: an object that is added between two sets (Fig. 16), and images of
 //! a head-mounted camera through a fisheye and a pinhole (Fig. 17).
 
+use super::scoring::between;
 use super::setup::{SEED, Setup, decibels, is_complete, shown, square_error, values};
 use crate::Result;
 use crate::experiment::{Cell, Chart, Experiment, Outcome, Report, Summary, Values, of, paired, rows};
@@ -111,6 +112,8 @@ impl Experiment for Added<'_> {
             Summary::of_pairs(&b, &a)
         };
         let (new, old) = (change("new"), change("old"));
+        let beside_alone =
+            |name: &str| between(results, "two objects", [&format!("{name}_2"), &format!("{name}_alone")]);
         let line = |half: &str, name: &str, s: &Summary| {
             let of = |state: &str| Summary::of(&of(results, "two objects", &format!("{name}_{state}")));
             let [one, two, alone] = STATES.map(|(state, _)| shown(&of(state), 2));
@@ -130,7 +133,13 @@ impl Experiment for Added<'_> {
                 (is_complete(self, results) && new.count > 0 && old.count > 0)
                     .then_some(new.mean >= 3.0 && old.mean >= -1.0),
             ),
-            verdict: format!("Added {} dB, untouched {} dB.", shown(&new, 2), shown(&old, 2)),
+            verdict: format!(
+                "Added {} dB, untouched {} dB; beside set 2 alone, which also shows both, {} and {} dB.",
+                shown(&new, 2),
+                shown(&old, 2),
+                shown(&beside_alone("new"), 2),
+                shown(&beside_alone("old"), 2)
+            ),
         }
     }
 }

@@ -7,6 +7,7 @@ use crate::fit::training::Watch;
 use crate::num::order;
 use lastlight_lirm::evaluate::{self, Control, Order};
 use lastlight_lirm::r#gen::Version;
+use lastlight_lirm::model::origin::training_seed;
 use lastlight_lirm::model::weights::Ready;
 use serde_json::{Value, json};
 use std::sync::atomic::AtomicBool;
@@ -141,6 +142,9 @@ impl Experiment for Scoring<'_> {
         let row = &self.rows[cell % self.rows.len()];
         let mut record = self.setup.record(&self.setup.models[row.model].model);
         record["row"] = json!([row.names(), row.sets, row.shapes, row.baselines]);
+        if row.version.is_under_map() {
+            record["typical"] = json!(training_seed(&self.setup.model().training));
+        }
         record
     }
 
@@ -283,7 +287,7 @@ fn are_complete(x: &Scoring<'_>, results: &[(Cell, Values)], name: &str) -> bool
 }
 
 /// The difference of two values of a row, object by object.
-fn between(results: &[(Cell, Values)], row: &str, [a, b]: [&str; 2]) -> Summary {
+pub(super) fn between(results: &[(Cell, Values)], row: &str, [a, b]: [&str; 2]) -> Summary {
     let own = results.iter().filter(|(cell, _)| cell.row == row);
     Summary::of(&own.filter_map(|(_, v)| Some(v.get(a)? - v.get(b)?)).collect::<Vec<_>>())
 }

@@ -238,13 +238,26 @@ fn limits_need_an_object_with_mirrors() {
     let x = limits::limits(&setup);
     let results = |mirror: Option<f64>| {
         filled(&x, |_, _| {
-            let mirrors = mirror.into_iter().flat_map(|db| [("mirror_db", db), ("other_db", 20.0)]);
-            mirrors.chain([("detail", 0.1)]).map(|(name, x)| (name.to_owned(), x)).collect()
+            let mirrors = mirror.into_iter().flat_map(|db| {
+                [
+                    ("mirror_db", db),
+                    ("other_db", 20.0),
+                    ("nearest_mirror_db", 10.0),
+                    ("nearest_other_db", 12.0),
+                ]
+            });
+            let details = [("detail", 0.3), ("ceiling", 0.7)];
+            mirrors.chain(details).map(|(name, x)| (name.to_owned(), x)).collect()
         })
     };
     assert_eq!(outcome(&x.report(&results(Some(15.0)))), Outcome::Holds, "mirrors are worse");
     assert_eq!(outcome(&x.report(&results(Some(25.0)))), Outcome::Fails, "mirrors are better");
     assert_eq!(outcome(&x.report(&results(None))), Outcome::Reported, "no mirror was seen");
+    let verdict = x.report(&results(Some(15.0))).verdict;
+    assert!(
+        verdict.contains("cost 5.00") && verdict.contains("input 2.00") && verdict.contains("0.43"),
+        "{verdict}"
+    );
 }
 
 #[test]
@@ -254,12 +267,17 @@ fn a_grid_is_filled_in_a_row_of_its_own() {
     let results = filled(&x, |row, _| match row {
         "filling the grid" => vec![("occupied".into(), 0.02)],
         "all steps" => vec![("kept".into(), 0.5)],
-        _ => vec![("kept".into(), 0.08)],
+        _ => vec![("kept".into(), 0.04)],
     });
     let report = x.report(&results);
     assert_eq!(outcome(&report), Outcome::Holds, "{}", report.verdict);
     let rows: Vec<&str> = report.rows.iter().map(|row| &*row[2]).collect();
-    assert_eq!(rows, ["50.0 ± 0.0", "2.0 ± 0.0", "8.0 ± 0.0"]);
+    assert_eq!(rows, ["50.0 ± 0.0", "2.0 ± 0.0", "4.0 ± 0.0"]);
+    assert!(
+        report.verdict.starts_with("4.0 ± 0.0 % are taken") && report.verdict.contains("leaves 8.0 ± 0.0 %"),
+        "{}",
+        report.verdict
+    );
 }
 
 #[test]

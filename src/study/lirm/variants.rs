@@ -21,7 +21,8 @@
 
 use super::setup::{REVISION, SEED, Setup, shown};
 use crate::experiment::{Cell, Chart, Experiment, Outcome, Report, Summary, Values, rows};
-use crate::fit::training::{Session, Watch};
+use crate::fit::training::{Fit, Session, Watch};
+use crate::num::bits::Digest;
 use crate::{Error, Result};
 use data_gen::cameras;
 use lastlight_lirm::evaluate::{self, SET};
@@ -43,6 +44,8 @@ const DISTANCES: f32 = 60.0;
 const EVERY: usize = 50;
 /// Folder of the trainings: a complete one is scored again without its steps.
 const TRAININGS: &str = "trainings";
+/// Counts changes of what the steps of a training compute.
+const TRAINING_REVISION: u32 = 1;
 /// Version of the objects that are scored.
 const VERSION: Version = Version::Shiny;
 /// Sets that are scored.
@@ -162,9 +165,15 @@ impl Experiment for Variants<'_> {
         let mut training = Training::new(self.training(&kind)?, kind.config, None, &source)?;
         let folder = self.dir.join(TRAININGS);
         std::fs::create_dir_all(&folder).map_err(|e| Error::os(&folder, &e))?;
-        // A training of another version is not scored as one of this.
-        let name = format!("{}-{}-{REVISION}.safetensors", self.cells()[cell].key, env!("CARGO_PKG_VERSION"));
-        let checkpoint = folder.join(name);
+        // A training of another version, or with other settings, is not scored as one of this.
+        let mut settings = Digest::new();
+        settings.bytes(training.settings().to_string().as_bytes());
+        let checkpoint = folder.join(format!(
+            "{}-{}-{TRAINING_REVISION}-{:016x}.safetensors",
+            self.cells()[cell].key,
+            env!("CARGO_PKG_VERSION"),
+            settings.value()
+        ));
         let session = Session { checkpoint: &checkpoint, every: EVERY };
         let (history, _) = session
             .begin(&mut training, true)
