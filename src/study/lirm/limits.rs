@@ -195,7 +195,7 @@ impl Experiment for Limits<'_> {
                     .then(|| share.mean < 0.5 && cost.is_positive()),
             ),
             verdict: format!(
-                "Mirrors cost {} dB ({} objects), the nearest input {}; renders have {} of the detail that images of 64² show.",
+                "Mirrors cost {} dB (objects with mirrors: {}), the nearest input {}; renders have {} of the detail that images of 64² show.",
                 shown(&cost, 2),
                 cost.count,
                 shown(&nearest, 2),

@@ -27,7 +27,7 @@ const IMAGES: usize = 4;
 const KINDS: [&str; 3] = [ALL, FILLING, KEEPING];
 const ALL: &str = "all steps";
 const FILLING: &str = "filling the grid";
-const KEEPING: &str = "occupied cells and early stop";
+const KEEPING: &str = "grid and early stop";
 
 /// The experiment.
 #[derive(Debug)]

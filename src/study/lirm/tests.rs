@@ -287,7 +287,7 @@ fn saved_time_is_a_part_of_saved_samples() {
     let kept = |row: &str, _| vec![("kept".to_owned(), if row == "all steps" { 0.5 } else { 0.05 })];
     let seconds = |of: [f64; 2]| {
         let [all, with] = of.map(|s| Summary::of(&[s, s]));
-        vec![("all steps".to_owned(), all), ("occupied cells and early stop".to_owned(), with)]
+        vec![("all steps".to_owned(), all), ("grid and early stop".to_owned(), with)]
     };
     let results = filled(&x, kept);
     let line = occupancy::saving(&results, &seconds([16.0, 2.0]));
