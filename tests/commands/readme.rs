@@ -184,10 +184,7 @@ const SESSIONS: [Session; 8] = [
                 "lastlight lirm update r1 unseen/object_00000/uniform --inputs 0020,0029,0038,0046 --out r2",
                 "lirm update r1 unseen/object_00000/uniform --inputs 0020,0029,0038,0046 --out r2 --ray-samples 16",
             ),
-            (
-                "lastlight lirm eval --sets 2",
-                "lirm eval --objects 1 --sets 1 --samples 1 --ray-samples 16",
-            ),
+            ("lastlight lirm eval --sets 2", "lirm eval --objects 1 --sets 1 --samples 1 --ray-samples 16"),
         ],
     },
     Session {
