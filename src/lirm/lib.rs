@@ -10,6 +10,7 @@
 //! model     the transformer that turns images into a field      train     its stages
 //! reading   images of a capture as the model reads them, set by set
 //! reconstruct  sets of images after a state, or after none: a state, its field, scores
+//! protocol  how a model is scored: objects, inputs, controls, constants
 //! evaluate  scores of a model on unseen objects                  baselines what it has to beat
 //! ```
 #![forbid(unsafe_code)]
@@ -22,6 +23,7 @@ pub mod evaluate;
 mod folder;
 pub mod r#gen;
 pub mod model;
+mod protocol;
 pub mod reading;
 pub mod reconstruct;
 mod settings;

@@ -47,7 +47,7 @@ const COLUMNS: [(&str, &str, usize); 25] = [
     ("has_surface", "found", 2),
     ("albedo_db", "albedo", 2),
     ("mean_albedo_db", "of mean", 2),
-    ("albedo_error", "alb. error", 3),
+    ("albedo_error", "alb. err.", 3),
     ("mean_albedo_error", "of mean", 3),
     ("roughness", "roughness", 3),
     ("mean_roughness", "of mean", 3),
@@ -78,7 +78,7 @@ const CONTROLS: &Choices = &[
   lastlight lirm eval s1c --seed 1 --no-baselines           for comparing trainings
   lastlight lirm eval s3 --light environment --input-order sequential
 
-Every object has 48 views (lirm gen --cameras test): 16 inputs in four sets, read at 64x64, and 12 outputs, compared at 128x128. Baselines, all with the true foregrounds: the nearest input image; the visual hull of the inputs with their mean colours, from 128x128 (hull), from the 64x64 that the model reads (hull 64²), and the former blurred by one pixel (blurred). Materials count where the object covers a pixel and the model is opaque, beside means and medians of training objects. albedo is in dB after a factor per channel; alb. error is the root mean square of its linear values after one factor for all channels. PSNR in dB over white; RFD, a distance of responses to random filters (not LPIPS); IoU of foregrounds; colour, the error of the mean colour, beside that of a grey of the true brightness; normals in degrees; depth, the mean absolute difference in units in which the object's ball has the radius ½; with --shapes, surface, the mean distance of the surfaces in radii of the object, and found, the share of objects that have a surface; means over outputs, then objects.")]
+Every object has 48 views (lirm gen --cameras test): 16 inputs in four sets, read at 64x64, and 12 outputs, compared at 128x128. Baselines, all with the true foregrounds: the nearest input image; the visual hull of the inputs with their mean colours, from 128x128 (hull), from the 64x64 that the model reads (hull 64²), and the former blurred by one pixel (blurred). Materials count where the object covers a pixel and the model is opaque, beside means and medians of training objects. albedo is in dB after a factor per channel; alb. err. is the root mean square of its linear values after one factor for all channels. PSNR in dB over white; RFD, a distance of responses to random filters (not LPIPS); IoU of foregrounds; colour, the error of the mean colour, beside that of a grey of the true brightness; normals in degrees; depth, the mean absolute difference in units in which the object's ball has the radius ½; with --shapes, surface, the mean distance of the surfaces in radii of the object, and found, the share of objects that have a surface; means over outputs, then objects.")]
 pub(crate) struct Args {
     /// Model, or the folder of a training [default: the included model]
     #[arg(value_name = "FILE")]
@@ -192,4 +192,18 @@ pub(super) fn run(args: &Args) -> Result<()> {
         );
     }
     cli::say(&lines.join("\n"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_value_of_an_option_has_a_meaning_and_titles_fit() {
+        let names = |list: &Choices| list.iter().map(|(name, _)| *name).collect::<Vec<_>>();
+        assert_eq!(names(LIGHTS), Version::ALL.map(Version::name));
+        assert_eq!(names(ORDERS), Order::ALL.map(Order::name));
+        assert_eq!(names(CONTROLS), Control::ALL.map(Control::name));
+        assert!(COLUMNS.iter().all(|(_, title, _)| title.chars().count() <= 9), "columns are nine wide");
+    }
 }

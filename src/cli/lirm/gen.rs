@@ -189,3 +189,16 @@ pub(super) fn run(args: &Args) -> Result<()> {
         made.digest
     ))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_value_of_an_option_has_a_meaning() {
+        let names = |list: &Choices| list.iter().map(|(name, _)| *name).collect::<Vec<_>>();
+        assert!(names(LIGHTING).into_iter().all(|name| Lighting::named(name).is_some()));
+        assert!(names(CAMERAS).into_iter().all(|name| Set::named(name).is_some()));
+        assert!(names(FRAMINGS).into_iter().all(|name| Framing::named(name).is_some()));
+    }
+}

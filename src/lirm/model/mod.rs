@@ -3,6 +3,7 @@
 //!
 //! ```text
 //! config       the sizes of a model: paper, small           params   its arrays: names, shapes, first values
+//! choices      what a configuration chooses among
 //! transformer  one set of images: from a state to the next  places   first values of the planes' tokens from their positions
 //! weights      arrays as operators read them, gradients     decode   from a state to a field
 //!
@@ -25,6 +26,7 @@
 //!
 //! What the paper leaves open is a named setting of [`Config`].
 
+mod choices;
 pub mod config;
 pub mod decode;
 pub mod file;

@@ -71,31 +71,24 @@ fn detail(image: &[f32], truth: &Target) -> f64 {
     })
 }
 
-/// An image (H, W, 3) of W² pixels as a model reads it: means over blocks, enlarged again (bilinear).
-fn as_read(image: &[f32], width: usize) -> Vec<f32> {
-    let (side, factor) = (INPUT_SIDE, width / INPUT_SIDE);
-    let mean = |y: usize, x: usize, c: usize| {
-        let block = (0..factor * factor).map(|i| (factor * y + i / factor, factor * x + i % factor));
-        let sum = block.fold(0.0, |sum, (y, x)| sum + image[(y * width + x) * 3 + c]);
-        sum / (factor * factor) as f32
-    };
-    let small: Vec<f32> = (0..side * side * 3).map(|i| mean(i / 3 / side, i / 3 % side, i % 3)).collect();
-    let at = |x: usize| {
+/// A square image (H, W, 3) with `factor` times as many pixels per side: bilinear between the centres of pixels,
+/// constant beyond the outer ones.
+fn enlarged(small: &[f32], side: usize, factor: usize) -> Vec<f32> {
+    // The two pixels beside a coordinate, and the part of the second.
+    let between = |x: usize| {
         let x = order::clamp((x as f32 + 0.5) / factor as f32 - 0.5, 0.0, (side - 1) as f32);
         (x as usize, Ord::min(x as usize + 1, side - 1), x.fract())
     };
-    let large = |y: usize, x: usize, c: usize| {
-        let ([y0, y1], [x0, x1], [v, u]) = {
-            let ((y0, y1, v), (x0, x1, u)) = (at(y), at(x));
-            ([y0, y1], [x0, x1], [v, u])
-        };
+    let at = |y: usize, x: usize, c: usize| {
+        let ((above, below, v), (left, right, u)) = (between(y), between(x));
         let along = |y: usize| {
             let of = |x: usize| small[(y * side + x) * 3 + c];
-            of(x0) + u * (of(x1) - of(x0))
+            of(left) + u * (of(right) - of(left))
         };
-        along(y0) + v * (along(y1) - along(y0))
+        along(above) + v * (along(below) - along(above))
     };
-    (0..width * width * 3).map(|i| large(i / 3 / width, i / 3 % width, i % 3)).collect()
+    let width = factor * side;
+    (0..width * width * 3).map(|i| at(i / 3 / width, i / 3 % width, i % 3)).collect()
 }
 
 /// Values of a model and of the nearest input: mirrors, and the rest of the same images.
@@ -130,6 +123,8 @@ impl Experiment for Limits<'_> {
         let cells = view::occupancy(&field)?;
         let inputs = cameras::test(SEED, k, p.set.size).inputs;
         let inputs: Vec<&View> = inputs.iter().take(SET * SETS).map(|i| &views.all[*i]).collect();
+        let factor = p.set.size / INPUT_SIDE;
+        let small = views.small(factor)?;
         let mut errors = [(); 2].map(|()| [(); 2].map(|()| Vec::new()));
         let [mut details, mut ceilings] = [(); 2].map(|()| Vec::new());
         for i in cameras::test(SEED, k, p.set.size).outputs.into_iter().take(self.setup.size.outputs) {
@@ -152,7 +147,8 @@ impl Experiment for Limits<'_> {
             let whole = detail(&truth.color, &truth);
             if whole > 0.0 {
                 details.push(detail(&image, &truth) / whole);
-                ceilings.push(detail(&as_read(&truth.color, truth.camera.width), &truth) / whole);
+                ceilings
+                    .push(detail(&enlarged(&small.all[i].picture.color, INPUT_SIDE, factor), &truth) / whole);
             }
         }
         watch.lap("scores");
@@ -202,5 +198,19 @@ impl Experiment for Limits<'_> {
                 shown(&share, 2)
             ),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_slope_is_enlarged_to_a_slope() {
+        let small: Vec<f32> = (0..4 * 4 * 3).map(|i| (i / 3 % 4) as f32 + (i % 3) as f32).collect();
+        let large = enlarged(&small, 4, 2);
+        let row: Vec<f32> = (0..8).map(|x| large[(5 * 8 + x) * 3 + 1]).collect();
+        assert_eq!(row, [1.0, 1.25, 1.75, 2.25, 2.75, 3.25, 3.75, 4.0]);
+        assert_eq!(enlarged(&small, 4, 1), small, "as large as before");
     }
 }
