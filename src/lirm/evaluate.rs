@@ -18,9 +18,13 @@
 //! | `depth` | absolute difference of depth | units of the object: the ball has the radius ½ |
 //! | `albedo_db`, `mean_albedo_db` | PSNR of albedo after the least-squares scale of each channel, of outputs where at least 20 pixels count; of the mean of training objects | dB |
 //! | `albedo_error`, `mean_albedo_error` | root mean square error of linear albedo after one least-squares factor for all channels, of the same outputs; of the mean of training objects | 0 to 1, linear |
+//! | `input_albedo_error` | the same of a constant with the mean linear colour of the inputs so far, where the object covers a pixel completely; it has the right hue without any model | 0 to 1, linear |
 //! | `roughness`, `metallic` | absolute error | |
 //! | `mean_roughness`, `median_roughness`, `mean_metallic`, `median_metallic` | the same of a constant, the mean or the median of training objects; of constants, the median has the smallest error on their pixels | |
 //! | `distance_radii` | mean distance between the surfaces, samples to triangles | radii of the object |
+//! | `psnr_h_db`, `psnr_l_db`, `orb_ssim` | PSNR and SSIM-3 of Stanford-ORB, of linear values after a scale per channel ([`orb`]) | dB, dB, |
+//! | `orb_normals`, `orb_depth` | 1 − cos of normals in the eroded mask; squared error of depth after one scale per object, over the whole images | , squares of units of the world |
+//! | `orb_shape` | squared distances between the surface and the vertices of the truth, mean of both directions ([`Shape`]) | squares of units of the world |
 //!
 //! # Noise
 //! Inputs and outputs are traced with some samples per pixel ([`settings`]), and their noise limits every
@@ -46,11 +50,11 @@ use super::reading::INPUT_SIDE;
 use super::subject::Subject;
 use super::views::{View, Views, tint};
 use crate::fit::evaluate::compare;
-use crate::fit::field::benchmark::Shape;
+use crate::fit::field::benchmark::{self, Shape, ViewScores};
 use crate::fit::field::targets::target;
 use crate::fit::field::{Target, mesh, scores, view};
 use crate::loss;
-use crate::loss::metric::rfd;
+use crate::loss::metric::{orb, rfd};
 use crate::num::rng::Rng;
 use crate::num::sum;
 use crate::scene::field::Placement;
@@ -97,6 +101,24 @@ fn mean_color(image: &[f32], foreground: &[f32]) -> Option<[f64; 3]> {
         n += 1.0;
     }
     (n > 0.0).then(|| sum.map(|s| s / n))
+}
+
+/// The mean of linear colours over the pixels of some images that the object covers completely, encoded; `None`
+/// if it covers none.
+fn mean_albedo(views: &[View]) -> Option<[f32; 3]> {
+    let linear: Vec<[f64; 3]> = views
+        .iter()
+        .flat_map(|view| {
+            let picture = &view.picture;
+            let pixels = picture.color.as_chunks::<3>().0.iter().zip(&picture.foreground);
+            pixels.filter(|(_, m)| **m == 1.0).map(|(x, _)| x.map(|x| orb::decode(f64::from(x))))
+        })
+        .collect();
+    let mean = |c: usize| {
+        let values: Vec<f64> = linear.iter().map(|x| x[c]).collect();
+        orb::encode(sum::tree_f64(&values) / values.len() as f64) as f32
+    };
+    (!linear.is_empty()).then(|| std::array::from_fn(mean))
 }
 
 /// The mean absolute difference of two colours.
@@ -215,10 +237,12 @@ pub fn score_views(
             _ => ready.read(&state, set, None).0,
         };
         let at = axes(ready, p, k, views, round)?;
-        let (mut numbers, image) = score_state_and_image(ready, p, (&state, at), k, views)?;
+        let so_far = |of: &'_ Views| -> Vec<View> {
+            order[..SET * (round + 1)].iter().map(|i| of.all[*i].clone()).collect()
+        };
+        let color = mean_albedo(&so_far(&small));
+        let (mut numbers, image) = score_state_and_image(ready, p, (&state, at), k, views, color)?;
         if p.baselines {
-            let so_far =
-                |of: &'_ Views| order[..SET * (round + 1)].iter().map(|i| of.all[*i].clone()).collect();
             numbers.extend(score_baselines(p, k, views, [so_far(views), so_far(&small)])?);
         }
         scored.rounds.push(numbers);
@@ -268,28 +292,40 @@ pub fn score_state(
     k: u64,
     views: &Views,
 ) -> Result<Numbers> {
-    Ok(score_state_and_image(ready, p, state, k, views)?.0)
+    Ok(score_state_and_image(ready, p, state, k, views, None)?.0)
 }
 
-/// The scores of a state, and its first output beside the truth.
+/// The scores of a state, and its first output beside the truth; the colour is that of its inputs.
 fn score_state_and_image(
     ready: &Ready<'_>,
     p: &Protocol,
     (state, at): (&[f32], Placement),
     k: u64,
     views: &Views,
+    color: Option<[f32; 3]>,
 ) -> Result<(Numbers, [Vec<f32>; 2])> {
     let field = ready.decode(state, p.rendering, at);
     let cells = view::occupancy(&field)?;
     let mut all: BTreeMap<&'static str, Vec<f64>> = BTreeMap::new();
     let mut first = None;
+    let mut shown: Vec<(ViewScores, Target)> = Vec::new();
     for i in outputs_of(p, k) {
-        let truth = target(&views.all[i].picture, &at);
-        let (numbers, image) = score_output(&field, &cells, &truth, p)?;
+        let picture = &views.all[i].picture;
+        let truth = target(picture, &at);
+        let (mut numbers, scores) = score_output(&field, &cells, &truth, p, color)?;
+        // Built-in objects have exposures of their own, so the other one is not read.
+        let view = benchmark::view(&scores, &truth, &benchmark::truth(picture, 1.0), at.scale, None)?;
+        if let Some(s) = &view.image {
+            numbers.extend([("psnr_h_db", s.psnr_h_db), ("psnr_l_db", s.psnr_l_db), ("orb_ssim", s.ssim)]);
+        }
         numbers.into_iter().for_each(|(name, x)| all.entry(name).or_default().push(x));
-        first.get_or_insert([image, truth.color]);
+        first.get_or_insert_with(|| [scores.image.image, truth.color.clone()]);
+        shown.push((view, truth));
     }
     let mut numbers = averaged(all);
+    let geometry = benchmark::geometry(&shown.iter().map(|(v, t)| (v, t)).collect::<Vec<_>>(), at.scale)?;
+    let of_geometry = [("orb_normals", "normals"), ("orb_depth", "depth")];
+    numbers.extend(of_geometry.iter().filter_map(|(name, key)| Some((*name, geometry[key].as_f64()?))));
     if p.shapes {
         let truth = Subject::new(&p.set, k)?.object.mesh;
         let settings = mesh::Settings { side: CELLS, ..mesh::Settings::default() };
@@ -300,19 +336,22 @@ fn score_state_and_image(
             for x in &mut surface.positions {
                 *x = at.to_world(x.map(f64::from)).map(|x| x as f32);
             }
-            numbers.insert("distance_radii", Shape::of(&surface, &truth, p.set.seed)?.distance());
+            let shape = Shape::of(&surface, &truth, p.set.seed)?;
+            numbers.insert("distance_radii", shape.distance());
+            numbers.insert("orb_shape", shape.scan.value());
         }
     }
     Ok((numbers, first.unwrap_or_default()))
 }
 
-/// The scores of one output, and its image.
+/// The scores of one output, and what they are made of.
 fn score_output(
     field: &crate::scene::field::Field,
     cells: &crate::field::occupancy::Occupancy,
     truth: &Target,
     p: &Protocol,
-) -> Result<(Numbers, Vec<f32>)> {
+    color: Option<[f32; 3]>,
+) -> Result<(Numbers, scores::Scores)> {
     let s = scores::score(field, cells, truth)?;
     let mut out = Numbers::new();
     let m = &s.materials;
@@ -341,14 +380,16 @@ fn score_output(
     }
     if let Some(typical) = p.typical.filter(|_| m.albedo_db.is_some()) {
         // On the pixels that count for the model.
-        let of = |material| {
-            let (albedo, material) = (constant(truth, typical.albedo), constant(truth, material));
+        let of = |albedo, material| {
+            let (albedo, material) = (constant(truth, albedo), constant(truth, material));
             scores::materials(Some(&albedo), Some(&material), &s.images.opacity, truth)
         };
-        let (mean, median) = (of(typical.mean)?, of(typical.median)?);
+        let (mean, median) = (of(typical.albedo, typical.mean)?, of(typical.albedo, typical.median)?);
+        let inputs = color.map(|color| of(color, typical.mean)).transpose()?;
         let of_constants = [
             ("mean_albedo_db", mean.albedo_aligned_db),
             ("mean_albedo_error", mean.albedo_error),
+            ("input_albedo_error", inputs.and_then(|inputs| inputs.albedo_error)),
             ("mean_roughness", mean.roughness),
             ("mean_metallic", mean.metallic),
             ("median_roughness", median.roughness),
@@ -356,7 +397,7 @@ fn score_output(
         ];
         out.extend(of_constants.into_iter().filter_map(|(name, x)| Some((name, x?))));
     }
-    Ok((out, s.image.image))
+    Ok((out, s))
 }
 
 /// Means over objects, each over those that have the number, as a JSON record. Distances of surfaces are over
@@ -373,4 +414,41 @@ pub fn means(all: &[Scores]) -> Value {
         record
     };
     Value::Array((0..rounds).map(one).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fit::field::targets::Picture;
+    use crate::r#gen::Settings;
+    use crate::scene::passes::PassImages;
+
+    #[test]
+    fn the_colour_of_inputs_is_a_linear_mean_of_covered_pixels() {
+        let settings = Settings { size: 8, views: 1, ..Settings::default() };
+        let camera = crate::shots::shots(&settings, 0).0[0].middle();
+        let view = |color: &[f32], foreground: &[f32]| View {
+            picture: Picture {
+                name: String::new(),
+                camera: camera.clone(),
+                color: color.to_vec(),
+                foreground: foreground.to_vec(),
+                kept: None,
+                colored: None,
+                passes: PassImages::default(),
+                environment: None,
+            },
+            photo: Vec::new(),
+        };
+        // Black and white in one image, white in another; what is half covered has no part.
+        let two = [
+            view(&[0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 0.3, 0.4, 0.5], &[1.0, 1.0, 0.5]),
+            view(&[1.0, 0.0, 1.0], &[1.0]),
+        ];
+        let mean = mean_albedo(&two).expect("covered pixels").map(|x| orb::decode(f64::from(x)));
+        for (found, wanted) in mean.iter().zip([2.0 / 3.0, 1.0 / 3.0, 2.0 / 3.0]) {
+            assert!((found - wanted).abs() < 1e-6, "{mean:?}");
+        }
+        assert_eq!(mean_albedo(&[view(&[0.3; 3], &[0.9])]), None);
+    }
 }

@@ -139,7 +139,7 @@ impl Views {
     /// is behind it stays. Of a pixel that is covered in part, the photo does not show which share is the
     /// object's, so the factor is mixed with 1 by coverage. The pass of encoded albedo is multiplied by the
     /// factors over their largest: a colour of diffuse reflection is proportional to its albedo, and a power
-    /// of it encodes both. (Exact without the linear part of sRGB, and without gloss.)
+    /// of it encodes both. (Exact without the linear part of sRGB, and without gloss.) A pass of radiance is left out.
     #[must_use]
     pub fn lit(mut self, factors: [f32; 3]) -> Self {
         if factors == [1.0; 3] {
@@ -147,6 +147,7 @@ impl Views {
         }
         let most = order::max(order::max(factors[0], factors[1]), factors[2]);
         for View { picture, photo } in &mut self.all {
+            picture.passes.radiance = None;
             for (x, m) in picture.color.as_chunks_mut::<3>().0.iter_mut().zip(&picture.foreground) {
                 *x = std::array::from_fn(|c| order::min(factors[c] * (x[c] - (1.0 - m)), *m) + (1.0 - m));
             }

@@ -210,6 +210,9 @@ fn scores_stand_beside_baselines() {
     assert!(of(3, "small_hull_db") > of(0, "small_hull_db"), "{rounds:?}");
     assert!((0..4).all(|r| of(r, "blurred_hull_db") > of(r, "hull_db")), "noise and edges: {rounds:?}");
     assert!(of(3, "hull_db") > of(0, "hull_db") && of(3, "nearest_db") > of(0, "nearest_db"), "{rounds:?}");
+    // As Stanford-ORB defines them: a constant foreground of one half over black is the least.
+    assert!(of(0, "psnr_h_db") > 5.0 && of(0, "psnr_l_db") > 5.0 && of(0, "orb_ssim") > 0.0, "{rounds:?}");
+    assert!((0.0..=2.0).contains(&of(0, "orb_normals")) && of(0, "orb_depth") >= 0.0, "{rounds:?}");
 }
 
 #[test]

@@ -140,11 +140,13 @@ fn nothing_to_attend_to_gives_the_bias_and_no_gradient() {
     without[3] = 0.0;
     let mut first = [0.0; 10];
     attention::forward(&plain.input(&without), &mut first);
-    plain.x[6..8].copy_from_slice(&[40.0, -3.0]);
-    let mut second = [0.0; 10];
-    attention::forward(&plain.input(&without), &mut second);
-    assert_eq!(first[..6], second[..6]);
-    assert_eq!(first[8..], second[8..]);
+    for value in [40.0, f32::NAN] {
+        plain.x[6..8].copy_from_slice(&[value, -3.0]);
+        let mut second = [0.0; 10];
+        attention::forward(&plain.input(&without), &mut second);
+        assert_eq!(first[..6], second[..6], "{value}");
+        assert_eq!(first[8..], second[8..], "{value}");
+    }
 }
 
 #[test]

@@ -29,34 +29,44 @@ const LIGHTS: &Choices = &[
 const ORDERS: &Choices =
     &[("random", "in a random order"), ("sequential", "around the object: every set shows one side")];
 
-/// Numbers that are printed: name, title, digits.
-const COLUMNS: [(&str, &str, usize); 25] = [
-    ("psnr_db", "PSNR", 2),
-    ("hull_db", "hull", 2),
-    ("small_hull_db", "hull 64²", 2),
-    ("blurred_hull_db", "blurred", 2),
-    ("nearest_db", "nearest", 2),
+/// Numbers that are printed: name, title, digits. What a number is compared with follows it, indented.
+const ROWS: [(&str, &str, usize); 32] = [
+    ("psnr_db", "PSNR, dB", 2),
+    ("hull_db", "  visual hull", 2),
+    ("small_hull_db", "  visual hull of 64x64", 2),
+    ("blurred_hull_db", "  visual hull, blurred", 2),
+    ("nearest_db", "  nearest input", 2),
+    ("psnr_h_db", "PSNR-H, dB", 2),
+    ("psnr_l_db", "PSNR-L, dB", 2),
     ("ssim", "SSIM", 3),
-    ("rfd", "RFD", 1),
-    ("foreground_iou", "IoU", 3),
-    ("hull_iou", "hull IoU", 3),
-    ("color", "colour", 3),
-    ("gray", "grey", 3),
-    ("numerical_normals_deg", "normals", 1),
-    ("distance_radii", "surface", 4),
-    ("has_surface", "found", 2),
-    ("albedo_db", "albedo", 2),
-    ("mean_albedo_db", "of mean", 2),
-    ("albedo_error", "alb. err.", 3),
-    ("mean_albedo_error", "of mean", 3),
-    ("roughness", "roughness", 3),
-    ("mean_roughness", "of mean", 3),
-    ("median_roughness", "of median", 3),
-    ("metallic", "metallic", 3),
-    ("mean_metallic", "of mean", 3),
-    ("median_metallic", "of median", 3),
+    ("orb_ssim", "SSIM-3", 3),
+    ("rfd", "RFD (not LPIPS)", 1),
+    ("foreground_iou", "IoU of foregrounds", 3),
+    ("hull_iou", "  visual hull", 3),
+    ("color", "mean colour, error", 3),
+    ("gray", "  a grey", 3),
+    ("numerical_normals_deg", "normals, degrees", 1),
+    ("orb_normals", "normals, 1 - cos", 4),
     ("depth", "depth", 4),
+    ("orb_depth", "depth, squared error", 5),
+    ("distance_radii", "surface, radii", 4),
+    ("orb_shape", "surface, squared distance", 5),
+    ("has_surface", "  objects that have one", 2),
+    ("albedo_error", "albedo, error", 3),
+    ("mean_albedo_error", "  mean of training objects", 3),
+    ("input_albedo_error", "  mean colour of the inputs", 3),
+    ("albedo_db", "albedo, dB", 2),
+    ("mean_albedo_db", "  mean of training objects", 2),
+    ("roughness", "roughness, error", 3),
+    ("mean_roughness", "  mean of training objects", 3),
+    ("median_roughness", "  their median", 3),
+    ("metallic", "metallic, error", 3),
+    ("mean_metallic", "  mean of training objects", 3),
+    ("median_metallic", "  their median", 3),
 ];
+
+/// Width of the titles.
+const TITLE: usize = 28;
 
 /// Values of `--control`.
 const CONTROLS: &Choices = &[
@@ -78,7 +88,7 @@ const CONTROLS: &Choices = &[
   lastlight lirm eval s1c --seed 1 --no-baselines           for comparing trainings
   lastlight lirm eval s3 --light environment --input-order sequential
 
-Every object has 48 views (lirm gen --cameras test): 16 inputs in four sets, read at 64x64, and 12 outputs, compared at 128x128. Baselines, all with the true foregrounds: the nearest input image; the visual hull of the inputs with their mean colours, from 128x128 (hull), from the 64x64 that the model reads (hull 64²), and the former blurred by one pixel (blurred). Materials count where the object covers a pixel and the model is opaque, beside means and medians of training objects. albedo is in dB after a factor per channel; alb. err. is the root mean square of its linear values after one factor for all channels. PSNR in dB over white; RFD, a distance of responses to random filters (not LPIPS); IoU of foregrounds; colour, the error of the mean colour, beside that of a grey of the true brightness; normals in degrees; depth, the mean absolute difference in units in which the object's ball has the radius ½; with --shapes, surface, the mean distance of the surfaces in radii of the object, and found, the share of objects that have a surface; means over outputs, then objects.")]
+Every object has 48 views (lirm gen --cameras test): 16 inputs in four sets, read at 64x64, and 12 outputs, compared at 128x128. Baselines, all with the true foregrounds: the nearest input image; the visual hull of the inputs with their mean colours, from 128x128, from the 64x64 that the model reads, and the former blurred by one pixel. Materials count where the object covers a pixel and the model is opaque, beside means and medians of training objects. The error of albedo is the root mean square of its linear values after one factor for all channels; in dB it has a factor per channel. PSNR is over white; RFD is a distance of responses to random filters; the error of the mean colour is beside that of a grey of the true brightness; depth is the mean absolute difference in units in which the object's ball has the radius ½. PSNR-H, PSNR-L, SSIM-3, 1 - cos and squared errors are defined as in Stanford-ORB, in the object's units. With --shapes, surface is the mean distance of the surfaces in radii of the object. All are means over outputs, then objects.")]
 pub(crate) struct Args {
     /// Model, or the folder of a training [default: the included model]
     #[arg(value_name = "FILE")]
@@ -174,22 +184,14 @@ pub(super) fn run(args: &Args) -> Result<()> {
     if cli::is_json() {
         return cli::say_json(&record);
     }
-    let shown: Vec<&(&str, &str, usize)> = COLUMNS
-        .iter()
-        .filter(|(name, ..)| {
-            record["rounds"].as_array().is_some_and(|r| r.iter().any(|r| !r[name].is_null()))
-        })
-        .collect();
-    let mut lines =
-        vec![shown.iter().fold("images".to_owned(), |line, (_, title, _)| format!("{line}  {title:>9}"))];
-    for r in record["rounds"].as_array().into_iter().flatten() {
-        let number = |(name, _, digits): &&(&str, &str, usize)| match r[name].as_f64() {
-            Some(x) => format!("{x:9.digits$}"),
-            None => format!("{:>9}", "–"),
-        };
-        lines.push(
-            shown.iter().fold(format!("{:>6}", r["images"]), |line, c| format!("{line}  {}", number(c))),
-        );
+    let rounds = || record["rounds"].as_array().into_iter().flatten();
+    let line = |title: &str, values: Vec<String>| {
+        values.iter().fold(format!("{title:<TITLE$}"), |line, x| format!("{line}  {x:>8}"))
+    };
+    let mut lines = vec![line("images", rounds().map(|r| r["images"].to_string()).collect())];
+    for (name, title, digits) in ROWS.iter().filter(|(name, ..)| rounds().any(|r| !r[name].is_null())) {
+        let number = |r: &Value| r[name].as_f64().map_or_else(|| "–".to_owned(), |x| format!("{x:.digits$}"));
+        lines.push(line(title, rounds().map(number).collect()));
     }
     cli::say(&lines.join("\n"))
 }
@@ -204,6 +206,6 @@ mod tests {
         assert_eq!(names(LIGHTS), Version::ALL.map(Version::name));
         assert_eq!(names(ORDERS), Order::ALL.map(Order::name));
         assert_eq!(names(CONTROLS), Control::ALL.map(Control::name));
-        assert!(COLUMNS.iter().all(|(_, title, _)| title.chars().count() <= 9), "columns are nine wide");
+        assert!(ROWS.iter().all(|(_, title, _)| title.chars().count() <= TITLE), "titles fit");
     }
 }

@@ -382,6 +382,7 @@ fn of_materials(x: &Scoring<'_>, results: &[(Cell, Values)]) -> Report {
     let all = [
         ("albedo_error", 3),
         ("mean_albedo_error", 3),
+        ("input_albedo_error", 3),
         ("albedo_db", 2),
         ("mean_albedo_db", 2),
         ("roughness", 3),
@@ -410,7 +411,10 @@ fn of_materials(x: &Scoring<'_>, results: &[(Cell, Values)]) -> Report {
             shown(&own, 3)
         };
         let [albedo, roughness, metallic] = ["albedo_error", "roughness", "metallic"].map(of);
-        format!("{row}: albedo {albedo}, roughness {roughness}, metallic {metallic}")
+        let inputs = shown(&between(results, row, ["albedo_error_2", "input_albedo_error_2"]), 3);
+        format!(
+            "{row}: albedo {albedo} and, beside the mean colour of the inputs, {inputs}, roughness {roughness}, metallic {metallic}"
+        )
     };
     let all = rows(results);
     Report {
@@ -420,6 +424,7 @@ fn of_materials(x: &Scoring<'_>, results: &[(Cell, Values)]) -> Report {
             "light",
             ">albedo, error",
             ">of the mean",
+            ">of the inputs' colour",
             ">albedo, a factor per channel, dB",
             ">of the mean",
             ">roughness, error",

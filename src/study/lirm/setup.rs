@@ -32,7 +32,7 @@ const OBJECT_BYTES: u64 = 54 << 20;
 /// Part of the memory limit that images may take.
 const PART: u64 = 4;
 /// Counts changes of what the cells compute: results of another number are not used again.
-pub(super) const REVISION: u32 = 4;
+pub(super) const REVISION: u32 = 5;
 
 /// Objects whose images are kept under the limit of memory.
 fn most_kept() -> u64 {

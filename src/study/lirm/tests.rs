@@ -164,6 +164,7 @@ fn materials_hold_when_all_three_beat_the_means_under_both_lights() {
             vec![
                 second("albedo_error", 0.05),
                 second("mean_albedo_error", 0.08),
+                second("input_albedo_error", 0.04),
                 // One object of one colour, which a constant shows exactly, has no part in the verdict.
                 second("albedo_db", 20.0),
                 second("mean_albedo_db", if k == 0 { 120.0 } else { 18.0 }),
@@ -176,7 +177,9 @@ fn materials_hold_when_all_three_beat_the_means_under_both_lights() {
             ]
         })
     };
-    assert_eq!(outcome(&x.report(&results(0.2))), Outcome::Holds);
+    let report = x.report(&results(0.2));
+    assert_eq!(outcome(&report), Outcome::Holds);
+    assert!(report.verdict.contains("colour of the inputs, 0.010"), "{}", report.verdict);
     let report = x.report(&results(0.4));
     assert_eq!(outcome(&report), Outcome::Fails);
     assert!(
