@@ -36,15 +36,18 @@ const TINY: Config =
     Config { blocks: 2, width: 16, heads: 2, plane_tokens: 2, embed_tokens: 2, channels: 4, ..Config::SMALL };
 
 /// Kinds of training: name, stage, weight of signed distances, optimiser of the matrices.
-const KINDS: [(&str, &str, f32, Kind); 5] = [
+const KINDS: [(&str, &str, f32, Kind); 6] = [
     ("1a", "1a", 0.0, Kind::AdamW),
     ("1a with distances and Muon", "1a", 10.0, Kind::Muon),
     (SHAPE_FIRST, "1a", 10.0, Kind::Muon),
     ("2a", "2a", 0.0, Kind::AdamW),
+    (INCLUDED, "2b", 10.0, Kind::Muon),
     ("3", "3", 0.0, Kind::AdamW),
 ];
 /// A stage that begins on distances alone, draws for the second set, and averages its last steps.
 const SHAPE_FIRST: &str = "1a on distances first, with updates and a mean";
+/// The second part of stage 2 with the options of the included weights: its rays end where they are opaque.
+const INCLUDED: &str = "2b with a rate for heads, fewer uses, albedo as it is and updates";
 /// Names of the two sets of images.
 const READ: [&str; 2] = ["lirm.reconstruct", "lirm.update"];
 
@@ -165,6 +168,10 @@ pub(crate) fn entries() -> Vec<Entry> {
         if name == SHAPE_FIRST {
             settings.stage = Stage { shape_steps: 2, ..settings.stage.with_updates() };
             settings.average_last = 2;
+        }
+        if name == INCLUDED {
+            settings.stage = Stage { absolute_albedo: true, ..settings.stage.with_updates() };
+            (settings.head_rate, settings.uses) = (8.0, 3);
         }
         let mut training = Training::new(settings, TINY, Some(&plain), &balls).expect("valid settings");
         let losses = (0..STEPS).map(|i| training.step(i, &mut ()).expect("finite").loss).collect();
