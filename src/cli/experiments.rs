@@ -128,6 +128,9 @@ pub(crate) fn list(experiments: &Choices) -> Result<()> {
     experiments.iter().try_for_each(|(id, about)| cli::say(&format!("{id:11} {about}")))
 }
 
+/// The name of an experiment, and its mean seconds of a cell by row.
+pub(crate) type Cost = (&'static str, Vec<(String, Summary)>);
+
 /// A study that has run.
 pub(crate) struct Finished<'a> {
     pub(crate) kind: &'static str,
@@ -135,8 +138,8 @@ pub(crate) struct Finished<'a> {
     pub(crate) dir: &'a Path,
     pub(crate) scale: &'a str,
     pub(crate) reports: &'a [Report],
-    /// An experiment, and the seconds by row that are shown beside it.
-    pub(crate) costs: (&'a str, &'a [(String, Summary)]),
+    /// Experiments, and the seconds by row that are shown beside them.
+    pub(crate) costs: &'a [Cost],
     /// Entries of the record beside those of every study.
     pub(crate) own: Map<String, Value>,
     pub(crate) seconds: f64,
@@ -260,13 +263,11 @@ fn section(r: &Report, seconds: &[(String, Summary)]) -> Section {
     }
 }
 
-/// The page of a study. `costs` are the seconds by row that are shown beside one of the experiments.
-fn page(
-    kind: &str,
-    (title, notice): (&str, &'static str),
-    reports: &[Report],
-    (timed, costs): (&str, &[(String, Summary)]),
-) -> Page {
+/// The page of a study.
+fn page(kind: &str, (title, notice): (&str, &'static str), reports: &[Report], costs: &[Cost]) -> Page {
+    let seconds_of = |id: &str| {
+        costs.iter().find(|(own, _)| *own == id).map_or(&[][..], |(_, seconds)| seconds.as_slice())
+    };
     let count = |outcome: Outcome| reports.iter().filter(|r| r.outcome == outcome).count().to_string();
     let stat = |outcome: Outcome, note: &str| Stat {
         label: outcome.name(),
@@ -285,7 +286,7 @@ fn page(
             stat(Outcome::Reported, "there is no criterion"),
             stat(Outcome::NotRun, "an input is missing"),
         ],
-        sections: reports.iter().map(|r| section(r, if r.id == timed { costs } else { &[] })).collect(),
+        sections: reports.iter().map(|r| section(r, seconds_of(r.id))).collect(),
     }
 }
 

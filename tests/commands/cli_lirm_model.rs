@@ -252,7 +252,7 @@ fn a_study_runs_and_its_report_can_be_made_again() {
     made(dir);
     let study = json(&line("lirm study --model m --out s --scale smoke --json -q"), dir);
     let all = study["experiments"].as_array().expect("experiments");
-    assert_eq!(all.len(), 11, "{study}");
+    assert_eq!(all.len(), 12, "{study}");
     let of = |id: &str| all.iter().find(|x| x["id"] == id).expect("an experiment");
     assert_eq!(of("rounds")["rows"].as_array().map(Vec::len), Some(4), "two orders, and both in the paper");
     assert_eq!(of("controls")["rows"].as_array().map(Vec::len), Some(5), "five kinds of inputs");

@@ -193,7 +193,7 @@ fn study(args: &Args, out: &Path) -> Result<()> {
             study.run(&chosen)?;
             constants = Some(found.text());
             let cost = all.iter().find(|x| x.id() == COST);
-            costs = cost.map_or_else(Vec::new, |x| engine::durations(&dir, x.folder(), &x.cells()));
+            costs.extend(cost.map(|x| (COST, engine::durations(&dir, x.folder(), &x.cells()))));
         } else {
             let wanted = CLAIMS.iter().filter(|(id, _)| args.wants(id));
             let why = "the search for constants is not complete";
@@ -211,7 +211,7 @@ fn study(args: &Args, out: &Path) -> Result<()> {
         dir: &dir,
         scale: &args.scale,
         reports: &reports,
-        costs: (COST, &costs),
+        costs: &costs,
         own: own.as_object().cloned().unwrap_or_default(),
         seconds: meter.seconds(),
     };

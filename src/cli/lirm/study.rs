@@ -11,12 +11,12 @@ use crate::meter::Meter;
 use crate::shared::ForceArgs;
 use lastlight_lirm::model::file::digest;
 use lastlight_study::lirm::setup::{NamedModel, Setup, Size};
-use lastlight_study::lirm::{curve, limits, occupancy, relit, scenes, scoring, variants};
+use lastlight_study::lirm::{curve, limits, occupancy, relit, samples, scenes, scoring, variants};
 use serde_json::{Map, json};
 use std::path::{Path, PathBuf};
 
-/// The experiment that shows what a render costs.
-const COST: &str = "occupancy";
+/// The experiments that show what a render costs.
+const COSTS: [&str; 2] = ["occupancy", "samples"];
 
 /// The experiments.
 const EXPERIMENTS: &Choices = &[
@@ -30,6 +30,7 @@ const EXPERIMENTS: &Choices = &[
     ("relit", "meshes of reconstructions under another light, beside the truth"),
     ("limits", "mirrors and fine lettering"),
     ("occupancy", "samples that a grid saves"),
+    ("samples", "scores and seconds of a render over the samples of a ray"),
     ("variants", "planes, directional embedding and updates: five trainings"),
 ];
 
@@ -108,6 +109,7 @@ fn all<'a>(setup: &'a Setup, dir: &Path) -> Vec<Box<dyn Experiment + 'a>> {
         Box::new(relit::relit(setup)),
         Box::new(limits::limits(setup)),
         Box::new(occupancy::occupied(setup)),
+        Box::new(samples::samples(setup)),
         Box::new(variants::variants(setup, dir)),
     ]
 }
@@ -142,9 +144,15 @@ fn study(args: &Args, out: &Path) -> Result<()> {
     let results = study.run(&chosen)?;
     let mut reports = study.reports;
     let mut costs = Vec::new();
-    if let Some(i) = chosen.iter().position(|x| x.id() == COST) {
-        costs = engine::durations(&dir, chosen[i].folder(), &chosen[i].cells());
-        reports[i].verdict += &occupancy::saving(&results[i], &costs);
+    for (i, x) in chosen.iter().enumerate().filter(|(_, x)| COSTS.contains(&x.id())) {
+        let seconds = engine::durations(&dir, x.folder(), &x.cells());
+        if x.id() == COSTS[0] {
+            reports[i].verdict += &occupancy::saving(&results[i], &seconds);
+        } else if let Some(chart) = samples::over_time(&results[i], &seconds) {
+            reports[i].chart = chart;
+            reports[i].chart_labels[1] = "seconds of an image";
+        }
+        costs.push((x.id(), seconds));
     }
     let named = setup.models.iter().map(|m| json!({ "name": m.name, "digest": digest(&m.model.params) }));
     let own = Map::from_iter([("models".to_owned(), named.collect())]);
@@ -154,7 +162,7 @@ fn study(args: &Args, out: &Path) -> Result<()> {
         dir: &dir,
         scale: &args.scale,
         reports: &reports,
-        costs: (COST, &costs),
+        costs: &costs,
         own,
         seconds: meter.seconds(),
     };

@@ -8,6 +8,7 @@
 //! limits     mirrors and fine lettering
 //! relit      the mesh of a reconstruction under another light
 //! occupancy  samples that a grid saves
+//! samples    scores and seconds of a render over the samples of a ray
 //! variants   small models of several kinds, trained from first values with equal steps
 //! ```
 //!
@@ -19,6 +20,7 @@ pub mod curve;
 pub mod limits;
 pub mod occupancy;
 pub mod relit;
+pub mod samples;
 pub mod scenes;
 pub mod scoring;
 pub mod setup;

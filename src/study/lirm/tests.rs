@@ -1,8 +1,8 @@
 //! Reports from made-up values: what is compared with what, and when a criterion is met.
 
 use super::setup::{NamedModel, Setup, Size};
-use super::{curve, limits, occupancy, scenes, scoring, variants};
-use crate::experiment::{Experiment, Outcome, Report, Results, Summary, Values};
+use super::{curve, limits, occupancy, samples, scenes, scoring, variants};
+use crate::experiment::{Chart, Experiment, Outcome, Report, Results, Summary, Values};
 use lastlight_lirm::model::config::Config;
 use lastlight_lirm::model::file::Model;
 use lastlight_lirm::model::origin::Part;
@@ -189,6 +189,38 @@ fn materials_hold_when_all_three_beat_the_means_under_both_lights() {
     );
     let none = filled(&x, |_, k| by_set("psnr_db", k, [20.0; 4]));
     assert_eq!(outcome(&x.report(&none)), Outcome::Reported, "the model has no materials");
+}
+
+#[test]
+fn the_fewest_steps_that_are_as_good_as_the_most_are_found() {
+    let setup = setup(vec![model(&[10])]);
+    let x = samples::samples(&setup);
+    let results = filled(&x, |row, k| {
+        let db = match row {
+            "16 steps" => 19.9,
+            "32 steps" => 19.96,
+            _ => 20.0,
+        };
+        let value = |name: &str, x: f64| (name.to_owned(), x);
+        let normals = if row == "32 steps" { 27.0 } else { 26.0 };
+        vec![
+            value("psnr_db", db + k as f64),
+            value("numerical_normals_deg", normals),
+            value("samples", 9.0),
+            value("images", 2.0),
+        ]
+    });
+    let report = x.report(&results);
+    assert_eq!(report.verdict, "64 steps are as good as 256 steps (to 0.05 dB, and 0.5° of normals).");
+    assert_eq!(x.report(&results[..3]).verdict, "Not all renders are there.");
+    assert!(samples::over_time(&results, &[]).is_none(), "no seconds are known");
+    let seconds: Vec<(String, Summary)> =
+        report.rows.iter().enumerate().map(|(i, row)| (row[0].clone(), Summary::of(&[i as f64]))).collect();
+    let Some(Chart::Lines { curves, .. }) = samples::over_time(&results, &seconds) else {
+        panic!("a curve over seconds")
+    };
+    let half: Vec<f64> = curves[0].points.iter().map(|(seconds, ..)| *seconds).collect();
+    assert_eq!(half, [0.0, 0.5, 1.0, 1.5, 2.0], "of one image");
 }
 
 #[test]
