@@ -155,7 +155,7 @@ impl Experiment for Samples<'_> {
             outcome: Outcome::Reported,
             verdict: match enough.filter(|_| is_complete(self, results)) {
                 Some(row) => {
-                    format!("{row} are as good as {best} (to {} dB, and {}° of normals).", SAME[0], SAME[1])
+                    format!("{row} lose at most {} dB beside {best}, and {}° of normals.", SAME[0], SAME[1])
                 }
                 None => "Not all renders are there.".into(),
             },
