@@ -265,8 +265,8 @@ fn a_study_runs_and_its_report_can_be_made_again() {
     let verdict = relit["experiments"][0]["verdict"].as_str().expect("a verdict");
     assert!(verdict.contains("1 of 1 objects have a surface"), "a field of first values has one: {relit}");
     let rows = relit["experiments"][0]["rows"].as_array().expect("rows");
-    assert_eq!(rows.len(), 4, "{relit}");
-    assert!(rows.iter().all(|row| row[1] != "–"), "all four are rendered: {relit}");
+    assert_eq!(rows.len(), 5, "{relit}");
+    assert!(rows.iter().all(|row| row[1] != "–"), "all five are rendered: {relit}");
     assert_eq!(of("variants")["rows"].as_array().map(Vec::len), Some(9), "five models and four differences");
     let again =
         json(&line("lirm study --model m --out s --scale smoke --resume --report-only --json -q"), dir);
