@@ -129,6 +129,12 @@ fn layers_of_transformers_are_reproduced() {
     reproduced("nn_gelu", "nn.gelu", &["x"]);
     reproduced("nn_layernorm", "nn.layernorm", &["x", "gain", "bias"]);
     reproduced("nn_weight_norm", "nn.weight_norm", &["v", "g"]);
+    reproduced("nn_softmax", "nn.softmax", &["x", "base"]);
+    let of_tokens =
+        ["image", "rays", "photo", "w_image", "w_rays", "w_photo", "bias", "norm_gain", "norm_bias"];
+    reproduced("nn_tokens", "nn.tokens", &of_tokens);
+    reproduced("nn_fuse", "nn.fuse", &["state", "position", "w1", "b1", "w2", "b2"]);
+    reproduced("nn_unpatch", "nn.unpatch", &["tokens", "weight", "bias"]);
     reproduced("nn_attention", "nn.attention", &["x", "w_qkv", "b_qkv", "w_out", "b_out"]);
     let of_block = [
         "x", "ln1_gain", "ln1_bias", "w_qkv", "b_qkv", "w_out", "b_out", "ln2_gain", "ln2_bias", "w_fc1",

@@ -196,7 +196,9 @@ fn golden_field_embed() {
 
 #[test]
 fn golden_layers_of_transformers() {
-    for name in ["gelu", "layernorm", "weight_norm", "attention", "block"] {
+    let layers =
+        ["gelu", "softmax", "layernorm", "weight_norm", "attention", "block", "tokens", "fuse", "unpatch"];
+    for name in layers {
         check_golden(&format!("nn_{name}"), &format!("nn.{name}"), None, &FIELD);
     }
 }
