@@ -78,7 +78,7 @@ pub struct Work {
     pub tokens: usize,
     /// Floating-point operations.
     pub operations: f64,
-    /// Bytes at most, without the photos.
+    /// Bytes of weights, tokens, texels and inputs; not of the photos.
     pub bytes: u64,
 }
 

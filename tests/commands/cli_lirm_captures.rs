@@ -350,4 +350,27 @@ fn a_reconstruction_is_shown_under_another_light() {
     let images = ["000.png", "001.png"]
         .map(|name| std::fs::read(dir.join("relit/images").join(name)).expect("an image"));
     assert_ne!(images[0], images[1], "from two sides");
+    let other = "lirm relight r --env studio --cameras orbit:2 --size 16x16 --samples 1 --out other -q";
+    runs(other, dir);
+    let other = std::fs::read(dir.join("other/images/000.png")).expect("an image");
+    assert_ne!(images[0], other, "under another light");
+    // The mesh is in the axes of the capture whatever those of the field are.
+    runs(
+        "lirm reconstruct set/object_00000/uniform --model tiny.safetensors --field-axes first-camera --out t -q",
+        dir,
+    );
+    let middle = |of: &str| -> Vec<f64> {
+        let made =
+            json(&line(&format!("field mesh {of} --out {of}.glb --side 48 --texture 128 --json -q")), dir);
+        assert!(made["vertices"].as_u64().is_some_and(|n| n > 100), "{made}");
+        let bytes = std::fs::read(dir.join(of).with_extension("glb")).expect("a mesh");
+        let length = u32::from_le_bytes(bytes[12..16].try_into().expect("four bytes")) as usize;
+        let header: Value = serde_json::from_slice(&bytes[20..20 + length]).expect("JSON");
+        let positions = header["meshes"][0]["primitives"][0]["attributes"]["POSITION"].as_u64();
+        let accessor = &header["accessors"][positions.expect("an index") as usize];
+        let of = |end: &str, k: usize| accessor[end][k].as_f64().expect("a number");
+        (0..3).map(|k| 0.5 * (of("min", k) + of("max", k))).collect()
+    };
+    let (own, turned) = (middle("r"), middle("t"));
+    assert!(own.iter().zip(&turned).all(|(a, b)| (a - b).abs() < 0.1), "{own:?} {turned:?}");
 }

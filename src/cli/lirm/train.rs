@@ -108,6 +108,10 @@ pub(crate) struct Args {
     /// Scale every object by a random factor from 1 − X to 1 and move it to a random place in the box [default: that of the stage]
     #[arg(long, value_name = "X")]
     room: Option<f64>,
+    /// Multiply the colours of every object by a random colour that takes up to this part of a channel; 0 removes it, as published [default: that
+    /// of the stage]
+    #[arg(long, value_name = "X")]
+    tint: Option<f64>,
     /// Optimiser of the matrices of the blocks and of nn.fuse; all other arrays use adamw
     #[arg(long, value_name = "NAME", default_value = "adamw", value_parser = choices(OPTIMIZERS))]
     optimizer: String,
@@ -143,6 +147,7 @@ impl Args {
             stage = stage.with_rate(rate);
         }
         stage.room = self.room.unwrap_or(stage.room);
+        stage.tint[1] = self.tint.unwrap_or(stage.tint[1]);
         stage.points = self.points;
         stage.absolute_albedo = self.absolute_albedo;
         stage.material = self.material_weight;

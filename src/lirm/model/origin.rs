@@ -46,6 +46,9 @@ pub struct Part {
     /// stage.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub room: Option<f64>,
+    /// Largest strength of the random colour of an object, where it is not that of the stage.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tint: Option<f64>,
     /// Weight of surface points.
     pub points: f32,
     /// Weight of signed distances.
@@ -166,6 +169,7 @@ mod tests {
             rate: Some(2e-3),
             head_rate: Some(8.0),
             room: None,
+            tint: Some(0.0),
             points: 0.0,
             distances: 0.1,
             shape_steps: 0,

@@ -144,4 +144,16 @@ fn a_state_has_the_same_size_for_any_images_and_they_matter() {
     assert_eq!((one.len(), many.len()), (none.len(), none.len()));
     let (other, _) = ready.read(&none, &[view(2, [24, 8]), view(3, [8, 16]), view(4, [8, 8])], None);
     assert_ne!(many, other, "the last state enters");
+    // With a gain of 1 and a bias of 0 the rows of a state have the mean 0 and the variance 1: it is what
+    // follows the final norm.
+    let params = first(&TINY, 1);
+    let ready = Ready::new(TINY, &params);
+    let (state, _) = ready.read(&ready.no_state(), &[view(1, [16, 16])], None);
+    for row in state.chunks(TINY.width) {
+        let mean = |f: fn(f64) -> f64| row.iter().fold(0.0, |s, x| s + f(f64::from(*x))) / row.len() as f64;
+        let [mean, square] = [mean(|x| x), mean(|x| x * x)];
+        assert!(mean.abs() < 1e-6 && (square - 1.0).abs() < 1e-3, "{mean} {square}");
+    }
+    let rule = ready.decode(&state, RENDERING, PLACEMENT).settings.rule;
+    assert_eq!(rule, crate::scene::field::Rule::Analytic);
 }

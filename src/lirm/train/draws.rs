@@ -190,8 +190,16 @@ mod tests {
         let close = |x: f32| all.iter().filter(|[low, most]| (low / most - x).abs() < 0.1).count();
         assert!(close(least) > 0 && close(1.0) > 20, "some lose as much, many are nearly grey");
         assert_eq!(draws.objects(18)[0], stage.first_object + 6, "the next block");
-        let shares = (0..4000).filter(|k| draws.version(*k) == Version::Uniform).count();
-        assert!((900..1100).contains(&shares), "a quarter under a dome: {shares}");
+        let share = |version| (0..4000).filter(|k| draws.version(*k) == version).count();
+        let shares = Version::ALL.map(share);
+        for (found, expected) in shares.into_iter().zip(stage.light) {
+            assert!((found as f64 / 4000.0 - expected).abs() < 0.025, "{shares:?} of 4 000");
+        }
+        let mut turns: Vec<f64> = (0..200).map(|step| draws.choice(step, 0).turn).collect();
+        turns.sort_by(f64::total_cmp);
+        turns.dedup();
+        let (least, most) = (turns[0], turns[turns.len() - 1]);
+        assert!(turns.len() == 200 && least < 0.2 && most > 6.0, "another angle each time: {least} {most}");
     }
 
     #[test]

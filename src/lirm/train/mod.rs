@@ -41,6 +41,8 @@ mod settings;
 pub mod source;
 pub mod stage;
 pub mod stored;
+#[cfg(test)]
+mod tests;
 
 use self::draws::Draws;
 use self::object::Object;
@@ -72,15 +74,13 @@ const RISE_AGAIN: usize = 20;
 /// Name in a checkpoint of the step whose weights are the first ones of the mean.
 const FIRST_AVERAGED: &str = "mean_first";
 
-/// Name of an array of the mean in a checkpoint, beside those of the weights.
-fn in_mean(name: &str) -> String {
-    format!("mean/{name}")
-}
+/// Beginning of the names of the mean in a checkpoint, beside those of the weights.
+const MEAN: &str = "mean/";
 
-/// The mean of the weights with these names.
+/// The mean of the weights with the names in a checkpoint.
 fn of_mean(mean: &Params) -> Params {
     let mut all = Params::new();
-    mean.iter().for_each(|(name, array)| all.set(&in_mean(name), array.clone()));
+    mean.iter().for_each(|(name, array)| all.set(&format!("{MEAN}{name}"), array.clone()));
     all
 }
 
@@ -205,6 +205,7 @@ impl<'a> Training<'a> {
             ("--rate", json!(part.rate), json!(own.rate)),
             ("--head-rate", json!(part.head_rate), json!(own.head_rate)),
             ("--room", json!(part.room), json!(own.room)),
+            ("--tint", json!(part.tint), json!(own.tint)),
             ("--shape-steps", json!(part.shape_steps), json!(own.shape_steps)),
             ("--updates", json!(part.updates), json!(own.updates)),
             ("--absolute-albedo", json!(part.absolute_albedo), json!(own.absolute_albedo)),
@@ -240,6 +241,7 @@ impl<'a> Training<'a> {
             rate: differs(s.stage.rates[0], |named| named.rates[0]),
             head_rate: Some(s.head_rate).filter(|x| *x != 1.0),
             room: differs(s.stage.room, |named| named.room),
+            tint: differs(s.stage.tint[1], |named| named.tint[1]),
             points: s.stage.points,
             distances: s.stage.distances,
             shape_steps: s.stage.shape_steps,
@@ -485,9 +487,7 @@ impl Fit for Training<'_> {
             Some(first) if first == self.first_averaged() as f64 => {
                 let (mut stored, mut mean) = (of_mean(&params), Params::new());
                 ArrayNames::Folders.load(&mut stored, from)?;
-                for (name, _) in params.iter() {
-                    mean.set(name, stored.get(&in_mean(name)).expect("it was read").clone());
-                }
+                stored.iter().for_each(|(name, array)| mean.set(&name[MEAN.len()..], array.clone()));
                 Some(mean)
             }
             // The mean of another number of steps is not that of this training.

@@ -317,7 +317,7 @@ mod tests {
     }
 
     fn stage() -> Stage {
-        Stage { samples: 24, target: [64, 16], ..Stage::named("1a").expect("a name") }
+        Stage { samples: 24, target: [64, 24], ..Stage::named("1a").expect("a name") }
     }
 
     #[test]
@@ -329,6 +329,7 @@ mod tests {
         for stage in [&plain, &points, &distances] {
             let (object, field) = made(stage);
             let compared = object.losses(&field, 1.0, stage).expect("finite");
+            assert!(object.rays.origins.len() > 2 * CHUNK, "gradients are made part by part");
             let g = object.pull(&field, &compared).planes;
             let square = g.iter().fold(0.0, |s, g| s + f64::from(*g) * f64::from(*g));
             let moved = |h: f64| {
@@ -423,6 +424,7 @@ mod tests {
     #[test]
     fn inputs_targets_and_distances_show_one_object_in_one_place() {
         let (object, _) = made(&Stage { distances: 1.0, ..Stage::named("1a").expect("a name") });
+        assert_eq!(object.crops.len(), 4);
         let inside = object.distances.inside(0.02);
         assert!(inside.len() > 20, "{}", inside.len());
         let read = |input: &Input| {

@@ -124,3 +124,46 @@ impl States {
         self.muon.iter_mut().try_for_each(|(name, m)| m.load(&format!("muon/{name}"), from))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lirm::model::config::Config;
+    use crate::lirm::model::params::first;
+
+    /// Two steps of every array, written out: β 0.9 and 0.95, eps 10⁻⁸, and 0.05 of the rate for arrays of
+    /// rank 2 and more.
+    #[test]
+    fn adamw_has_the_published_numbers_and_vectors_do_not_decay() {
+        let config =
+            Config { blocks: 1, width: 16, heads: 2, plane_tokens: 1, embed_tokens: 1, ..Config::SMALL };
+        let before = first(&config, 0);
+        let (mut after, rate) = (before.clone(), 1e-3);
+        let mut states = States::new(Kind::AdamW, 1.0, &before).expect("a rule");
+        // Far below eps, and far above it.
+        let gradients: [f32; 2] = [3e-8, 0.5];
+        for scale in gradients {
+            let of = |array: &ndarray::ArrayD<f32>| array.mapv(|_| scale);
+            let grads = before.iter().map(|(name, array)| (name.to_owned(), of(array))).collect();
+            states.step(&mut after, &Grads(grads), rate).expect("finite");
+        }
+        let mut ranks = [0; 5];
+        for (name, array) in before.iter() {
+            let decay = if array.ndim() >= 2 { 0.05 } else { 0.0 };
+            ranks[array.ndim()] += 1;
+            for (old, new) in array.iter().zip(after.get(name).expect("an array")) {
+                let (mut w, [mut m, mut v]) = (f64::from(*old), [0.0; 2]);
+                for (t, scale) in gradients.iter().enumerate() {
+                    let g = f64::from(*scale);
+                    m = 0.9 * m + 0.1 * g;
+                    v = 0.95 * v + 0.05 * g * g;
+                    let [a, b] = if t == 0 { [0.1, 0.05] } else { [0.19, 0.0975] };
+                    w -= rate * decay * w;
+                    w -= rate * (m / a) / ((v / b).sqrt() + 1e-8);
+                }
+                assert!((f64::from(*new) - w).abs() < 2e-7 * (1.0 + w.abs()), "{name}: {new}, not {w}");
+            }
+        }
+        assert!(ranks[1] > 5 && ranks[2] > 5, "vectors and matrices: {ranks:?}");
+    }
+}

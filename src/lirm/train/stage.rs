@@ -222,8 +222,10 @@ impl Stage {
         if self.rates.iter().any(|r| !(0.0..=1.0).contains(r)) {
             return refuse("--rate", "0 to 1", format!("{:?}", self.rates));
         }
-        if !(0.0..1.0).contains(&self.room) {
-            return refuse("--room", "0 or more, below 1", self.room.to_string());
+        for (name, part) in [("--room", self.room), ("--tint", self.tint[1])] {
+            if !(0.0..1.0).contains(&part) {
+                return refuse(name, "0 or more, below 1", part.to_string());
+            }
         }
         for (name, weight) in
             [("--points", self.points), ("--distances", self.distances), ("--material-weight", self.material)]
@@ -366,6 +368,20 @@ mod tests {
         assert_eq!(ends, [[120.0, 120.0], [120.0, 120.0], [120.0, 125.0]], "sharp from the first step");
         assert_eq!([0, 2199].map(|step| all[1].rendering(step).inverse_beta), [40.0, 60.0]);
         assert!(Stage::named("4").is_err());
+        // Steps, rates, sets, samples, 1/β, sides of target and crop, and shares of the light.
+        let first = [1.0, 0.0, 0.0];
+        let maps = [0.25, 0.375, 0.375];
+        let table = [
+            (2200, [5e-4, 3.5e-4], [1, 2], 64, [10.0, 40.0], [64, 32], first),
+            (2200, [3.5e-4, 1.2e-4], [1, 2], 64, [40.0, 60.0], [64, 32], first),
+            (1800, [1.2e-4, 2e-5], [1, 2], 64, [60.0, 60.0], [64, 32], first),
+            (800, [2e-4, 6e-5], [1, 3], 96, [60.0, 80.0], [128, 32], maps),
+            (800, [6e-5, 1e-6], [1, 3], 96, [80.0, 100.0], [128, 32], maps),
+            (400, [2e-5, 0.0], [1, 3], 128, [100.0, 125.0], [128, 48], maps),
+        ];
+        let of = |s: &Stage| (s.steps, s.rates, s.sets, s.samples, s.inverse_beta, s.target, s.light);
+        assert_eq!(all.iter().map(of).collect::<Vec<_>>(), table);
+        assert!(all.iter().all(|s| s.images == [3, 6] && s.is_whole == (s.light == maps)));
         let short = Stage { steps: 100, ..all[0].clone() };
         assert_eq!([0, 24].map(|step| short.rate(step)), [2e-5, 5e-4], "a quarter of a short one");
         assert!((short.rate(99) - 3.5e-4).abs() < 1e-6, "its end is the same");

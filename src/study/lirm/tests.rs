@@ -27,6 +27,7 @@ fn model(parts: &[usize]) -> NamedModel {
         rate: None,
         head_rate: None,
         room: None,
+        tint: None,
         points: 0.0,
         distances: 0.0,
         shape_steps: 0,
@@ -68,17 +69,18 @@ fn outcome(report: &Report) -> Outcome {
 fn rounds_hold_when_all_five_floors_are_met() {
     let setup = setup(vec![model(&[10])]);
     let x = scoring::rounds(&setup);
-    let results = |own: [f64; 4], sequential: f64, hull: [f64; 2], nearest: f64| {
+    // Of the sequential order, after set 2 and after the later ones.
+    let results = |own: [f64; 4], [second, later]: [f64; 2], hull: [f64; 2], nearest: f64| {
         filled(&x, |row, k| {
-            let last = if row.starts_with("random") { own } else { [own[0], own[1], own[2], sequential] };
-            let mut all = by_set("psnr_db", k, last);
+            let of_row = if row.starts_with("random") { own } else { [own[0], second, later, later] };
+            let mut all = by_set("psnr_db", k, of_row);
             all.extend(by_set("hull_db", k, [hull[0]; 4]));
             all.extend(by_set("small_hull_db", k, [hull[1]; 4]));
             all.extend(by_set("nearest_db", k, [nearest; 4]));
             all
         })
     };
-    let good = ([24.0, 24.5, 24.5, 24.4], 24.2, [23.0, 20.0], 20.0);
+    let good = ([24.0, 24.5, 24.5, 24.4], [24.3, 24.2], [23.0, 20.0], 20.0);
     let report = x.report(&results(good.0, good.1, good.2, good.3));
     assert_eq!(outcome(&report), Outcome::Holds, "{}", report.verdict);
     for (what, (own, sequential, hull, nearest)) in [
@@ -86,9 +88,10 @@ fn rounds_hold_when_all_five_floors_are_met() {
         ("hull of large images", (good.0, good.1, [23.1, 20.0], good.3)),
         ("hull of small images", (good.0, good.1, [20.0, 23.1], good.3)),
         ("second set", ([24.0, 24.4, 24.4, 24.4], good.1, good.2, good.3)),
-        ("orders", (good.0, 24.0, good.2, good.3)),
+        ("orders", (good.0, [24.0, 24.0], good.2, good.3)),
+        ("later sets, sequential", (good.0, [24.5, 24.2], good.2, good.3)),
         ("third set", ([24.0, 24.5, 24.2, 24.4], good.1, good.2, good.3)),
-        ("fourth set", ([24.0, 24.5, 24.5, 24.2], 24.2, good.2, good.3)),
+        ("fourth set", ([24.0, 24.5, 24.5, 24.2], [24.2, 24.2], good.2, good.3)),
     ] {
         let report = x.report(&results(own, sequential, hull, nearest));
         assert_eq!(outcome(&report), Outcome::Fails, "{what}: {}", report.verdict);

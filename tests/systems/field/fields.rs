@@ -2,8 +2,10 @@
 
 use super::{ITERATIONS, finish, new, settings, targets};
 use lastlight::fit::field::mesh::{self, bake, shape};
+use lastlight::fit::field::surface::Distances;
 use lastlight::fit::field::{Settings, Target, Targets, score, view};
 use lastlight::fit::training::{Fit as _, History};
+use lastlight::num::order;
 use lastlight::scene::field::{Field, Placement};
 
 /// The field of a fit of a few iterations.
@@ -105,6 +107,31 @@ fn the_mesh_of_zero_planes_is_a_sphere_of_a_tenth_of_the_box() {
     let material = &baked.object.materials[0];
     let texel = material.base_color_map.as_ref().expect("a map").texels[0];
     assert!(texel[..3].iter().all(|x| (127..=128).contains(x)), "{texel:?}");
+}
+
+#[test]
+fn the_mesh_of_a_turned_field_is_where_its_placement_says() {
+    // Features grow along one axis of every plane, so that no turn of the surface is the surface.
+    let mut field = ball();
+    let (side, channels) = (field.planes.side, field.planes.channels);
+    for (i, texel) in field.planes.values.chunks_mut(channels).enumerate() {
+        texel.fill(0.6 + 0.8 * (i % side) as f32 / side as f32);
+    }
+    // The axes of the world are those of the field in turn.
+    let rotation = [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]];
+    field.placement = Placement { rotation, ..Placement::new([3.0, -2.0, 1.0], 0.25) };
+    let cell = 2.0 * field.settings.half_size / 63.0;
+    let baked = bake(&field, &coarse()).expect("a surface");
+    let farthest = |of: &Placement| {
+        let point = |x: &[f32; 3]| of.to_field(x.map(f64::from)).map(|v| v as f32);
+        let points = baked.object.mesh.positions.iter().map(point).collect();
+        Distances::at(&field, points).sdf.iter().fold(0.0, |most, s| order::max(most, s.abs()))
+    };
+    let transposed = [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+    let [own, other, none] = [rotation, transposed, Placement::new([0.0; 3], 1.0).rotation]
+        .map(|rotation| farthest(&Placement { rotation, ..field.placement }));
+    assert!(own < 0.1 * cell, "on the surface: {own}");
+    assert!(other > cell && none > cell, "and of no other turn: {other} {none}");
 }
 
 #[test]

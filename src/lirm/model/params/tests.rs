@@ -124,6 +124,10 @@ fn the_layer_that_fuses_adds_every_second_channel_of_a_state() {
 fn first_texels_are_smooth_and_rows_have_one_length() {
     let params = first(&Config::SMALL, 3);
     let v = params.get("unpatch/planes/v").expect("an array");
+    let shape = |name: &str| params.get(name).expect("an array").shape().to_vec();
+    assert_eq!(v.shape(), [256, 8, 8, 16]);
+    assert_eq!(shape("unpatch/planes/g"), [256], "a length for every input channel");
+    assert_eq!(shape("unpatch/planes/bias"), [16], "a bias for every output channel");
     assert!(lengths(v).iter().all(|x| (x - 1.0 / 3_f32.sqrt()).abs() < 1e-6), "rows");
     // Mean squares of the texels, and of the differences of neighbours; white noise has twice the first.
     let (mut square, mut difference) = (0.0, 0.0);
