@@ -28,9 +28,15 @@ const HEAD: usize = 16;
 /// seconds, and has ten frames per second.
 const ONE_IN: usize = 11;
 
-/// States whose fields are compared: name in values, and title. The last reads the images of set 2 without a
-/// state: what they show by themselves.
-const STATES: [(&str, &str); 3] = [("1", ">set 1, dB"), ("2", ">set 2, dB"), ("alone", ">set 2 alone, dB")];
+/// States whose fields are compared: name in values, and title. After the two sets: set 2 once more; set 2
+/// from half of the state, which forgets; and set 2 without a state, what it shows by itself.
+const STATES: [(&str, &str); 5] = [
+    ("1", ">set 1, dB"),
+    ("2", ">set 2, dB"),
+    ("twice", ">set 2 twice, dB"),
+    ("half", ">from half of the state, dB"),
+    ("alone", ">set 2 alone, dB"),
+];
 
 /// An object that is added between two sets.
 #[derive(Debug)]
@@ -76,9 +82,12 @@ impl Experiment for Added<'_> {
         let [first, second] = [&protocol.inputs[..SET], &protocol.inputs[SET..2 * SET]];
         let one = ready.read_chosen(&ready.no_state(), &before, first, &at)?;
         let two = ready.read_chosen(&one, &after, second, &at)?;
+        let twice = ready.read_chosen(&two, &after, second, &at)?;
+        let half: Vec<f32> = one.iter().map(|x| 0.5 * x).collect();
+        let half = ready.read_chosen(&half, &after, second, &at)?;
         let alone = ready.read_chosen(&ready.no_state(), &after, second, &at)?;
-        let states = [one, two, alone];
-        let [mut new, mut old] = [[(); 3].map(|()| Vec::new()), [(); 3].map(|()| Vec::new())];
+        let states = [one, two, twice, half, alone];
+        let [mut new, mut old] = [(); 2].map(|()| STATES.map(|_| Vec::new()));
         for (n, state) in states.iter().enumerate() {
             let field = ready.decode(state, p.rendering, at);
             let cells = view::occupancy(&field)?;
@@ -116,13 +125,13 @@ impl Experiment for Added<'_> {
             |name: &str| between(results, "two objects", [&format!("{name}_2"), &format!("{name}_alone")]);
         let line = |half: &str, name: &str, s: &Summary| {
             let of = |state: &str| Summary::of(&of(results, "two objects", &format!("{name}_{state}")));
-            let [one, two, alone] = STATES.map(|(state, _)| shown(&of(state), 2));
-            vec![half.to_owned(), one, two, shown(s, 2), alone]
+            let [one, two, others @ ..] = STATES.map(|(state, _)| shown(&of(state), 2));
+            [half.to_owned(), one, two, shown(s, 2)].into_iter().chain(others).collect()
         };
         Report {
             id: "added",
             claim: "An object that is added between two sets: the pixels that it covers gain at least 3 dB over the first state, those of the untouched object lose at most 1 dB (Fig. 16).",
-            head: vec!["pixels", STATES[0].1, STATES[1].1, ">change", STATES[2].1],
+            head: vec!["pixels", STATES[0].1, STATES[1].1, ">change", STATES[2].1, STATES[3].1, STATES[4].1],
             rows: vec![
                 line("of the added object", "new", &new),
                 line("of the untouched object", "old", &old),
