@@ -185,6 +185,7 @@ const RARE: &[&str] = &[
     "test-frames",
     "texture",
     "tile",
+    "tint",
     "train-camera",
     "train-frames",
     "until",
