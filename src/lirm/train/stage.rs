@@ -222,10 +222,11 @@ impl Stage {
         if self.rates.iter().any(|r| !(0.0..=1.0).contains(r)) {
             return refuse("--rate", "0 to 1", format!("{:?}", self.rates));
         }
-        for (name, part) in [("--room", self.room), ("--tint", self.tint[1])] {
-            if !(0.0..1.0).contains(&part) {
-                return refuse(name, "0 or more, below 1", part.to_string());
-            }
+        if !(0.0..1.0).contains(&self.room) {
+            return refuse("--room", "0 or more, below 1", self.room.to_string());
+        }
+        if !(0.0..=1.0).contains(&self.tint[1]) {
+            return refuse("--tint", "0 to 1", self.tint[1].to_string());
         }
         for (name, weight) in
             [("--points", self.points), ("--distances", self.distances), ("--material-weight", self.material)]
@@ -381,6 +382,10 @@ mod tests {
         ];
         let of = |s: &Stage| (s.steps, s.rates, s.sets, s.samples, s.inverse_beta, s.target, s.light);
         assert_eq!(all.iter().map(of).collect::<Vec<_>>(), table);
+        for strongest in [-0.1, 1.1, f64::NAN] {
+            let e = Stage { tint: [0.0, strongest], ..all[0].clone() }.validate().expect_err("no part");
+            assert!(e.to_string().contains("--tint"), "{e}");
+        }
         assert!(all.iter().all(|s| s.images == [3, 6] && s.is_whole == (s.light == maps)));
         let short = Stage { steps: 100, ..all[0].clone() };
         assert_eq!([0, 24].map(|step| short.rate(step)), [2e-5, 5e-4], "a quarter of a short one");

@@ -29,7 +29,7 @@ const HEAD: usize = 16;
 const ONE_IN: usize = 11;
 
 /// States whose fields are compared: name in values, and title. After the two sets: set 2 once more; set 2
-/// from half of the state, which forgets; and set 2 without a state, what it shows by itself.
+/// from half of the state; and set 2 without a state, what it shows by itself.
 const STATES: [(&str, &str); 5] = [
     ("1", ">set 1, dB"),
     ("2", ">set 2, dB"),
