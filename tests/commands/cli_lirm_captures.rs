@@ -288,7 +288,7 @@ fn a_configuration_file_makes_other_models() {
     tiny(dir);
     std::fs::write(
         dir.join("tri.json"),
-        r#"{"planes": 3, "plane_tokens": 3, "embed_tokens": 0, "blocks": 1, "width": 16, "heads": 2, "channels": 4, "fuse": "published"}"#,
+        r#"{"planes": 3, "plane_tokens": 3, "embed_tokens": 0, "blocks": 1, "width": 16, "heads": 2, "channels": 4, "fuse": "published", "material_layers": 2}"#,
     )
     .expect("written");
     let short = "--iterations 1 --batch 1 --objects-at-once 1 --json -q";
@@ -298,6 +298,7 @@ fn a_configuration_file_makes_other_models() {
     assert_eq!(of("first_values"), "scaled", "what the file does not say is as in small");
     let next = json(&line(&format!("lirm train --stage 2a --from tri --out next {short}")), dir);
     assert_eq!(next["settings"]["whole"], true);
+    assert_eq!(next["settings"]["material_layers"], 2);
     // The layers of `paper` in their full width, with fewer blocks and tokens: a file, which reads images.
     let wide = json!({
         "blocks": 1, "width": 1024, "heads": 16, "plane_tokens": 2, "embed_tokens": 2, "channels": 32, "fuse": "published", "pose": "first-camera",

@@ -94,6 +94,9 @@ fn every_kind_of_stage_has_one_digest() {
     let shape = Settings { stage: Stage { shape_steps: 3, ..distances.stage.clone() }, ..distances.clone() };
     let own = settings("1b", 5);
     let updates = Settings { stage: own.stage.clone().with_updates(), ..own };
+    let through =
+        Settings { stage: Stage { state_gradient: true, ..updates.stage.clone() }, ..updates.clone() };
+    let last = Settings { stage: Stage { last_set: true, ..updates.stage.clone() }, ..updates.clone() };
     let kinds = [
         ("1a", settings("1a", 5)),
         ("1a with surface points", compared(10.0, 0.0)),
@@ -101,6 +104,8 @@ fn every_kind_of_stage_has_one_digest() {
         ("1a with signed distances alone in three steps", shape),
         ("1a with Muon", muon),
         ("1b with draws for the second set", updates),
+        ("1b with gradients through the state", through),
+        ("1b with the last set alone", last),
         ("1a, averaged over three steps", Settings { average_last: 3, ..settings("1a", 5) }),
         ("2a", settings("2a", 5)),
         ("3", settings("3", 5)),
@@ -121,7 +126,7 @@ fn every_kind_of_stage_has_one_digest() {
     all.push(of(Settings { seed: 1, ..settings("1a", 5) }));
     all.sort();
     all.dedup();
-    assert_eq!(all.len(), 10, "each kind has other weights, and so have other draws");
+    assert_eq!(all.len(), 12, "each kind has other weights, and so have other draws");
 }
 
 #[test]
@@ -196,6 +201,11 @@ fn a_stage_goes_on_after_its_first_part() {
         assert!(e.contains("--until") && e.contains("4 to 40"), "{e}");
     }
     let shape = Stage { shape_steps: 40, ..settings("1a", 40).stage.with_distances(1.0) };
+    let changed = |change: &dyn Fn(&mut Stage)| {
+        let mut own = settings("1a", 40);
+        change(&mut own.stage);
+        own
+    };
     for (name, other) in [
         ("--seed", Settings { seed: 1, ..settings("1a", 40) }),
         ("--iterations", settings("1a", 41)),
@@ -203,14 +213,14 @@ fn a_stage_goes_on_after_its_first_part() {
         ("--uses", Settings { uses: 4, ..settings("1a", 40) }),
         ("--optimizer", Settings { optimizer: Kind::Muon, ..settings("1a", 40) }),
         ("--rate", Settings { stage: settings("1a", 40).stage.with_rate(1e-3), ..settings("1a", 40) }),
-        ("--room", Settings { stage: Stage { room: 0.0, ..settings("1a", 40).stage }, ..settings("1a", 40) }),
-        (
-            "--tint",
-            Settings { stage: Stage { tint: [0.0; 2], ..settings("1a", 40).stage }, ..settings("1a", 40) },
-        ),
+        ("--room", changed(&|stage| stage.room = 0.0)),
+        ("--tint", changed(&|stage| stage.tint = [0.0; 2])),
         ("--shape-steps", Settings { stage: shape, ..settings("1a", 40) }),
         ("--head-rate", Settings { head_rate: 2.0, ..settings("1a", 40) }),
         ("--updates", Settings { stage: settings("1a", 40).stage.with_updates(), ..settings("1a", 40) }),
+        ("--state-gradient", changed(&|stage| stage.state_gradient = true)),
+        ("--last-set", changed(&|stage| stage.last_set = true)),
+        ("--normal-weight", changed(&|stage| stage.normal = 2.0)),
     ] {
         let mut other = Training::new(other, TINY, Some(one.params()), &source).expect("valid");
         let e = other.continue_from(&part).expect_err("another setting").to_string();

@@ -90,12 +90,21 @@ pub(crate) struct Args {
     /// Emphasise later sets: at least two sets of two to five images per object, and targets that are not in the first set
     #[arg(long)]
     updates: bool,
+    /// Let gradients flow through the state, from the losses of a set to the sets before it; needs the memory of all sets
+    #[arg(long)]
+    state_gradient: bool,
+    /// Compare the last set of images of an object only, not every set
+    #[arg(long)]
+    last_set: bool,
     /// Compare albedo as it is, not up to one factor per object
     #[arg(long)]
     absolute_albedo: bool,
     /// Factor on the weight of roughness and metallic
     #[arg(long, value_name = "X", default_value_t = 1.0)]
     material_weight: f32,
+    /// Weight of normals: those of the head, and in stage 3 those of the surface
+    #[arg(long, value_name = "X", default_value_t = 1.0)]
+    normal_weight: f32,
     /// The model is the mean of the weights over this many last steps [default: the weights after the last step]
     #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
     average_last: u32,
@@ -149,8 +158,11 @@ impl Args {
         stage.room = self.room.unwrap_or(stage.room);
         stage.tint[1] = self.tint.unwrap_or(stage.tint[1]);
         stage.points = self.points;
+        stage.state_gradient = self.state_gradient;
+        stage.last_set = self.last_set;
         stage.absolute_albedo = self.absolute_albedo;
         stage.material = self.material_weight;
+        stage.normal = self.normal_weight;
         stage.shape_steps = self.shape_steps as usize;
         stage = stage.with_distances(self.distances);
         if self.updates {

@@ -9,6 +9,7 @@
 //! | `plane_tokens` | 48 | 8 | tokens along a side of a plane; each becomes 8×8 texels |
 //! | `embed_tokens` | 32 | 4 | tokens along a side of the square of four panoramas; 0: none, colours do not depend on direction |
 //! | `channels` | 32 | 16 | of planes and panoramas |
+//! | `material_layers` | 3 | 3 | hidden layers of the heads of albedo and material |
 //! | `fuse` | published | residual | how the last state enters |
 //! | `pose` | world | azimuth | axes of the field ([`Pose`]) |
 //! | `first_values` | published | scaled | [`FirstValues`] |
@@ -27,6 +28,9 @@ pub const PATCH: usize = 8;
 pub const LEVELS: usize = 4;
 /// Units of the hidden layers of heads.
 pub const HIDDEN: usize = 32;
+/// Hidden layers of the heads of albedo and material, unless a configuration has another number: that of the
+/// successor of LIRM.
+const MATERIAL_LAYERS: usize = 3;
 /// Added to the variance by every LayerNorm.
 pub const EPS: f64 = 1e-6;
 
@@ -47,6 +51,8 @@ pub struct Config {
     pub embed_tokens: usize,
     /// Channels of planes and panoramas.
     pub channels: usize,
+    /// Hidden layers of the heads of albedo and material.
+    pub material_layers: usize,
     /// How the last state enters.
     pub fuse: Fuse,
     /// Axes of the field.
@@ -71,6 +77,7 @@ impl Config {
         plane_tokens: 48,
         embed_tokens: 32,
         channels: 32,
+        material_layers: MATERIAL_LAYERS,
         fuse: Fuse::Published,
         pose: Pose::World,
         first_values: FirstValues::Published,
@@ -87,6 +94,7 @@ impl Config {
         plane_tokens: 8,
         embed_tokens: 4,
         channels: 16,
+        material_layers: MATERIAL_LAYERS,
         fuse: Fuse::Residual,
         pose: Pose::Azimuth,
         first_values: FirstValues::Scaled,
@@ -125,6 +133,7 @@ impl Config {
         within("plane_tokens", self.plane_tokens, [1, 256])?;
         within("embed_tokens", self.embed_tokens, [0, 256])?;
         within("channels", self.channels, [1, 256])?;
+        within("material_layers", self.material_layers, [1, 16])?;
         if !self.width.is_multiple_of(self.heads) {
             return Err(Error::input("configuration")
                 .at("heads")
@@ -204,7 +213,7 @@ impl Config {
     pub fn json(&self) -> Value {
         json!({
             "blocks": self.blocks, "width": self.width, "heads": self.heads, "planes": self.planes,
-            "plane_tokens": self.plane_tokens, "embed_tokens": self.embed_tokens, "channels": self.channels,
+            "plane_tokens": self.plane_tokens, "embed_tokens": self.embed_tokens, "channels": self.channels, "material_layers": self.material_layers,
             "fuse": self.fuse.name(), "pose": self.pose.name(), "first_values": self.first_values.name(), "rays": self.rays.name(),
             "background": self.background.name(), "whole": self.is_whole,
         })
@@ -257,6 +266,11 @@ impl Config {
             plane_tokens: count("plane_tokens")?,
             embed_tokens: count("embed_tokens")?,
             channels: count("channels")?,
+            material_layers: if is_old("material_layers") {
+                MATERIAL_LAYERS
+            } else {
+                count("material_layers")?
+            },
             fuse: text("fuse")
                 .and_then(Fuse::named)
                 .ok_or_else(|| missing("fuse", &Fuse::ALL.map(Fuse::name).join(", ")))?,
@@ -318,6 +332,7 @@ mod tests {
             ("rays", json!("moment")),
             ("background", json!(1)),
             ("width", json!(-1)),
+            ("material_layers", json!(17)),
             ("attention", json!("linear")),
         ] {
             let mut bad = Config::SMALL.json();
@@ -330,7 +345,7 @@ mod tests {
     #[test]
     fn models_without_entries_read_moments_and_white_backgrounds() {
         let mut old = Config::SMALL.json();
-        for key in ["rays", "background"] {
+        for key in ["rays", "background", "material_layers"] {
             old.as_object_mut().expect("an object").remove(key);
         }
         let expected = Config { rays: Rays::Plucker, background: Background::White, ..Config::SMALL };

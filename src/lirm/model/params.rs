@@ -31,7 +31,8 @@
 //! plain one. Its texels are those of a trained model, three times as large as first ones, and a head with
 //! first weights of gain 2 would begin at the ends of its range (metallic at 10⁻⁴, with a gradient of as
 //! much). So the new heads begin with values of the trained ones: albedo as the colour head, material with
-//! its hidden layers and a last layer of 0 (½ everywhere), ρ with a last layer of 0. The colour head's
+//! its hidden layers and a last layer of 0 (½ everywhere), ρ with a last layer of 0; where albedo and material
+//! have another number of hidden layers than the colour head, both begin with a last layer of 0. The colour head's
 //! columns for the embedding begin at half of their first values: with 0, panoramas would get no gradient
 //! until the columns have grown.
 //!
@@ -54,6 +55,8 @@ const PURPOSE: u16 = 0x0550;
 /// Channels per pixel of image, rays and photo.
 const INPUTS: [(&str, usize); 3] = [("image", 3), ("rays", 6), ("photo", 3)];
 
+/// Hidden layers of the colour head.
+const COLOR_LAYERS: usize = 3;
 /// Factors of the first weights of directions, and of points or moments.
 const RAYS: [f32; 2] = [2.0, 5.0];
 
@@ -113,11 +116,14 @@ pub(super) fn heads(c: &Config) -> Vec<(&'static str, [usize; 3])> {
     let is_directed = c.is_directed();
     let mut all = vec![
         ("sdf", [features, 2, 1]),
-        ("color", [features + if is_directed { c.channels } else { 0 }, 3, 3]),
+        ("color", [features + if is_directed { c.channels } else { 0 }, COLOR_LAYERS, 3]),
         ("normal", [features, 3, 3]),
     ];
     if c.is_whole {
-        all.extend([("albedo", [features, 3, 3]), ("material", [features, 3, 2])]);
+        all.extend([
+            ("albedo", [features, c.material_layers, 3]),
+            ("material", [features, c.material_layers, 2]),
+        ]);
     }
     if is_directed {
         all.push(("rho", [features, 2, 1]));
@@ -315,9 +321,9 @@ pub fn extended(params: &Params, c: &Config, seed: u64) -> Result<(Params, Confi
         for (name, [_, hidden, _]) in heads(&whole) {
             // As many layers as there are hidden ones, and the last.
             let (copied, is_zeroed) = match name {
-                "albedo" => (hidden + 1, false),
-                "material" => (hidden, true),
-                "rho" => (0, true),
+                "albedo" if hidden == COLOR_LAYERS => (hidden + 1, false),
+                "material" if hidden == COLOR_LAYERS => (hidden, true),
+                "albedo" | "material" | "rho" => (0, true),
                 _ => continue,
             };
             (0..copied).for_each(|l| all.set(&format!("heads/{name}/{l}"), old(l)));

@@ -100,17 +100,19 @@ fn gradients_are_difference_quotients_with_and_without_recomputation() {
         }
         let mut g = ready.zeros();
         let next_bar = ready.pull_decoded(&next, &bar, &mut g);
-        ready.pull_read(&state, &views, saved.expect("kept"), &next_bar, &mut g);
+        let mut state_bar = vec![0.0; state.len()];
+        ready.pull_read(&state, &views, saved.expect("kept"), &next_bar, &mut g, &mut state_bar);
         let made = ready.finish(g);
         assert_eq!(expected.len(), made.0.keys().filter(|name| name.starts_with("heads/")).count());
         for (name, part) in &expected {
             assert_eq!(made.get(name).and_then(|g| g.as_slice()), Some(&part[..]), "{name}");
         }
-        both.push(made);
+        both.push((made, state_bar));
     }
-    assert_eq!(both[0].0, both[1].0, "the same bits");
+    assert_eq!(both[0], both[1], "the same bits");
     let c = [&c[0][..], &c[1][..]];
-    for (name, gradient) in both[0].0.iter().filter(|(name, _)| !name.starts_with("heads/")) {
+    let (made, state_bar) = &both[0];
+    for (name, gradient) in made.0.iter().filter(|(name, _)| !name.starts_with("heads/")) {
         let direction = numbers(900, gradient.len());
         let along = gradient.iter().zip(&direction).fold(0.0, |s, (g, d)| s + f64::from(*g) * f64::from(*d));
         let moved = |h: f32| {
@@ -131,6 +133,17 @@ fn gradients_are_difference_quotients_with_and_without_recomputation() {
             assert_eq!(has, [true, false, true], "{name}: of queries, keys and values");
         }
     }
+    let direction = numbers(901, state.len());
+    let along = state_bar.iter().zip(&direction).fold(0.0, |s, (g, d)| s + f64::from(*g) * f64::from(*d));
+    let moved = |h: f32| {
+        let state: Vec<f32> = state.iter().zip(&direction).map(|(x, d)| x + h * d).collect();
+        value(&params, &state, &views, c)
+    };
+    let h = 2e-3;
+    let quotient = (moved(h) - moved(-h)) / (2.0 * f64::from(h));
+    let size = state_bar.iter().fold(0.0, |s, g| s + f64::from(*g) * f64::from(*g)).sqrt();
+    assert!((along - quotient).abs() < 0.02 * size + 1e-3, "the state: {along} {quotient}, length {size}");
+    assert!(size > 0.0, "the state that was read has a gradient");
 }
 
 #[test]

@@ -112,7 +112,8 @@ impl Ready<'_> {
         (next, saved)
     }
 
-    /// Adds the gradients for the cotangent of the next state to `g`. The state that was read is a constant.
+    /// Adds the gradients for the cotangent of the next state to `g`, and those of the state that was read to
+    /// `state_bar`; if that is empty, the state is a constant.
     pub fn pull_read(
         &self,
         state: &[f32],
@@ -120,6 +121,7 @@ impl Ready<'_> {
         saved: Saved,
         next_bar: &[f32],
         g: &mut Gradients,
+        state_bar: &mut Vec<f32>,
     ) {
         let Saved { views: saved_views, fused, places, at, mut blocks, last, norm } = saved;
         let rows = last.len();
@@ -148,9 +150,9 @@ impl Ready<'_> {
         let mut places_bar = vec![0.0; places.len()];
         lend(g, names, |[w1, b1, w2, b2]| {
             let position = std::mem::take(&mut places_bar);
-            let mut bar = fuse::InBar { state: Vec::new(), position, w1, b1, w2, b2 };
+            let mut bar = fuse::InBar { state: std::mem::take(state_bar), position, w1, b1, w2, b2 };
             fuse::adjoint(&x, &fused, &x_bar[..rows], &mut bar);
-            places_bar = bar.position;
+            (*state_bar, places_bar) = (bar.state, bar.position);
             [bar.w1, bar.b1, bar.w2, bar.b2]
         });
         let (planes, panoramas) = places_bar.split_at(self.config.tokens()[0] * self.config.width);

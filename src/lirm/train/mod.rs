@@ -7,6 +7,7 @@
 //! source    objects by index: rendered in memory                             stored    the same, from the folder of a set
 //! optimizer AdamW, or Muon for matrices
 //! draws    which object, how turned, which views, in a step
+//! object   inputs and crops of one object, their losses and adjoints                    sets      sets of images in turn, and the state between them
 //!
 //! one step, of `batch` objects, `at_once` of them at a time:
 //!   draws ──► object: sets of input images, four target crops
@@ -18,7 +19,8 @@
 //! ```
 //!
 //! The state between sets is detached: no gradient flows through it, so a step needs the memory of one set.
-//! The loss is the mean over objects, sets and crops.
+//! [`Stage::state_gradient`] lets it flow; the paper does not state which it was. The loss is the mean over
+//! objects, sets and crops.
 //!
 //! A stage can be made in parts: [`Training::stop_after`] ends it after a step, and
 //! [`Training::continue_from`] goes on from the weights, with fresh moments and a rate that rises again over
@@ -37,6 +39,7 @@ mod draws;
 mod object;
 pub mod optimizer;
 mod preview;
+mod sets;
 mod settings;
 pub mod source;
 pub mod stage;
@@ -55,8 +58,7 @@ use super::model::config::Config;
 use super::model::file::digest;
 use super::model::origin::Part;
 use super::model::params::{extended, first};
-use super::model::transformer::Keep;
-use super::model::weights::{Gradients, Ready};
+use super::model::weights::Ready;
 use crate::fit::training::{Fit, Preview, Step, Watch};
 use crate::num::array::Arrays;
 use crate::num::{order, par};
@@ -208,7 +210,10 @@ impl<'a> Training<'a> {
             ("--tint", json!(part.tint), json!(own.tint)),
             ("--shape-steps", json!(part.shape_steps), json!(own.shape_steps)),
             ("--updates", json!(part.updates), json!(own.updates)),
+            ("--state-gradient", json!(part.state_gradient), json!(own.state_gradient)),
+            ("--last-set", json!(part.last_set), json!(own.last_set)),
             ("--absolute-albedo", json!(part.absolute_albedo), json!(own.absolute_albedo)),
+            ("--normal-weight", text(part.normal.unwrap_or(1.0)), text(own.normal.unwrap_or(1.0))),
             ("--material-weight", text(part.material.unwrap_or(1.0)), text(own.material.unwrap_or(1.0))),
             ("--points", text(part.points), text(own.points)),
             ("--distances", text(part.distances), text(own.distances)),
@@ -246,8 +251,11 @@ impl<'a> Training<'a> {
             distances: s.stage.distances,
             shape_steps: s.stage.shape_steps,
             updates: s.stage.updates,
+            state_gradient: s.stage.state_gradient,
+            last_set: s.stage.last_set,
             absolute_albedo: s.stage.absolute_albedo,
             material: Some(s.stage.material).filter(|x| *x != 1.0),
+            normal: Some(s.stage.normal).filter(|x| *x != 1.0),
             average_last: self.range[1] - self.first_averaged(),
             inverse_beta: s.stage.rendering(self.range[1].saturating_sub(1)).inverse_beta,
             start: self.start.clone(),
@@ -316,73 +324,6 @@ impl<'a> Training<'a> {
     /// The sizes of the model.
     pub fn config(&self) -> &Config {
         &self.config
-    }
-
-    fn keep(&self) -> Keep {
-        if self.settings.recompute { Keep::Inputs } else { Keep::All }
-    }
-
-    /// The losses of some objects of a step, and their gradients, both by object.
-    fn losses(
-        &self,
-        ready: &Ready<'_>,
-        objects: &[Object],
-        step: usize,
-        watch: &mut dyn Watch,
-    ) -> Result<(Vec<f32>, Vec<Gradients>)> {
-        let rendering = self.settings.stage.rendering(step);
-        let mut states: Vec<Vec<f32>> = objects.iter().map(|_| ready.no_state()).collect();
-        let mut sums: Vec<Option<Gradients>> = objects.iter().map(|_| None).collect();
-        let mut losses = vec![0.0; objects.len()];
-        let most = objects.iter().map(|o| o.sets.len()).fold(0, Ord::max);
-        for set in 0..most {
-            let active: Vec<usize> = (0..objects.len()).filter(|k| set < objects[*k].sets.len()).collect();
-            let n = active.len();
-            let read = par::map(n, |i| {
-                let k = active[i];
-                ready.read(&states[k], &objects[k].sets[set], Some(self.keep()))
-            });
-            watch.lap("transformer");
-            let compared: Vec<Result<_>> = par::map(n, |i| {
-                let object = &objects[active[i]];
-                // The mean over the objects of the step and the sets of each.
-                let weight = 1.0 / (self.settings.batch * object.sets.len()) as f32;
-                let field = ready.decode(&read[i].0, rendering, object.placement);
-                let loss = object.losses(&field, weight, &self.settings.stage)?;
-                Ok((field, loss))
-            });
-            let compared = compared.into_iter().collect::<Result<Vec<_>>>()?;
-            watch.lap("render and losses");
-            let bars = par::map(n, |i| {
-                let (field, loss) = &compared[i];
-                objects[active[i]].pull(field, loss)
-            });
-            watch.lap("adjoint of the render");
-            let kept: Vec<_> =
-                read.into_iter().zip(bars).map(|((next, saved), bar)| (next, saved, bar)).collect();
-            let kept: Vec<_> = kept.into_iter().map(std::sync::Mutex::new).collect();
-            let made = par::map(n, |i| {
-                let k = active[i];
-                let mut own = kept[i].lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-                let (next, saved, bar) = &mut *own;
-                let mut g = ready.zeros();
-                let next_bar = ready.pull_decoded(next, bar, &mut g);
-                let saved = saved.take().expect("it was kept");
-                ready.pull_read(&states[k], &objects[k].sets[set], saved, &next_bar, &mut g);
-                (std::mem::take(next), g)
-            });
-            watch.lap("adjoint of the transformer");
-            for (i, (next, g)) in made.into_iter().enumerate() {
-                let k = active[i];
-                states[k] = next;
-                losses[k] += compared[i].1.loss;
-                match &mut sums[k] {
-                    Some(sum) => sum.add(&g),
-                    none => *none = Some(g),
-                }
-            }
-        }
-        Ok((losses, sums.into_iter().flatten().collect()))
     }
 }
 

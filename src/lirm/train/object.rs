@@ -30,8 +30,6 @@ pub(super) const INPUT_TOKENS: usize = (INPUT_SIDE / PATCH) * (INPUT_SIDE / PATC
 const PURPOSE: u16 = 0x0555;
 /// Radius of the ball in which an object is.
 const RADIUS: f64 = 0.5;
-/// Weight of numerical normals.
-const NORMALS: f32 = 1.0;
 /// Cells per axis of the grid that samples are skipped by.
 const CELLS: usize = 64;
 /// Rays whose gradients are in memory at once.
@@ -173,7 +171,7 @@ impl Object {
         let (mut loss, mut render) = self.render(field, weight, stage)?;
         loss += sdf;
         if stage.is_last {
-            loss += self.compare_normals(field, weight, &mut render)?;
+            loss += self.compare_normals(field, weight, stage, &mut render)?;
         }
         Ok(ObjectLoss { loss, render: Some(render), distances_bar })
     }
@@ -195,6 +193,7 @@ impl Object {
             weight: weight / self.crops.len() as f32,
             passes: true,
             material: stage.material,
+            normal: stage.normal,
             lpips: None,
             scale,
         };
@@ -211,7 +210,7 @@ impl Object {
     }
 
     /// The loss of numerical normals at the surface.
-    fn compare_normals(&self, field: &Field, weight: f32, render: &mut Render) -> Result<f32> {
+    fn compare_normals(&self, field: &Field, weight: f32, stage: &Stage, render: &mut Render) -> Result<f32> {
         let surface = AtSurface::of(&self.targets, &self.crops, &render.out);
         if surface.rays.is_empty() {
             return Ok(0.0);
@@ -219,7 +218,7 @@ impl Object {
         let normals = Stencils::at(field, &surface.points).normals;
         render.normals_bar = vec![[0.0; 3]; normals.len()];
         let bar = &mut render.normals_bar;
-        let loss = surface.compare(&self.targets, &self.crops, &normals, weight * NORMALS, bar)?;
+        let loss = surface.compare(&self.targets, &self.crops, &normals, weight * stage.normal, bar)?;
         render.surface = surface;
         Ok(loss)
     }
@@ -347,7 +346,7 @@ mod tests {
     }
 
     #[test]
-    fn materials_have_a_factor_and_albedo_is_compared_as_it_is_or_not() {
+    fn materials_and_normals_have_a_factor_and_albedo_is_compared_as_it_is_or_not() {
         let whole = Stage {
             inverse_beta: [200.0; 2],
             samples: 64,
@@ -360,6 +359,10 @@ mod tests {
             [0.0, 1.0, 3.0].map(|material| of(&Stage { material, ..whole.clone() }).loss);
         let own = one - none;
         assert!(own > 1e-3 && (three - none - 3.0 * own).abs() < 1e-3 * own, "{none} {one} {three}");
+        let [none, one, three] = [0.0, 1.0, 3.0].map(|normal| of(&Stage { normal, ..whole.clone() }).loss);
+        let own = one - none;
+        assert!(own > 1e-3 && (three - none - 3.0 * own).abs() < 1e-3 * own, "{none} {one} {three}");
+        let three = of(&Stage { material: 3.0, ..whole.clone() }).loss;
         let absolute = Stage { absolute_albedo: true, material: 3.0, ..whole.clone() };
         let compared = of(&absolute);
         assert!((compared.loss - three).abs() > 1e-3, "{} {three}", compared.loss);
@@ -398,7 +401,7 @@ mod tests {
             texels.for_each(|(x, g)| *x += (h * g / length) as f32);
             let normals = Stencils::at(&field, &surface.points).normals;
             let mut bar = vec![[0.0; 3]; normals.len()];
-            let loss = surface.compare(&object.targets, &object.crops, &normals, NORMALS, &mut bar);
+            let loss = surface.compare(&object.targets, &object.crops, &normals, 1.0, &mut bar);
             f64::from(loss.expect("finite"))
         };
         let slope = (moved(0.01) - moved(-0.01)) / 0.02;

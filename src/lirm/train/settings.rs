@@ -39,7 +39,7 @@ const OBJECT_BYTES: usize = 23 << 20;
 impl Settings {
     /// Returns the bytes that a training needs, about: the objects that are in memory; weights, their mean,
     /// moments and gradients; what the blocks save for the largest sets of images, twelve arrays of all
-    /// tokens per block.
+    /// tokens per block, for all sets of an object where gradients flow through the state.
     pub fn memory(&self, config: &Config) -> u64 {
         let whole = Config { is_whole: self.stage.is_whole || config.is_whole, ..*config };
         let at_once = Ord::min(self.at_once, self.batch);
@@ -48,7 +48,8 @@ impl Settings {
         let weights = count(&whole) * (5 + mean + 2 * at_once);
         let tokens = whole.state_tokens() + self.stage.images[1] * INPUT_TOKENS;
         let kept = if self.recompute { 12 + whole.blocks } else { 12 * whole.blocks };
-        let saved = at_once * (kept * tokens * whole.width + 3 * whole.texels());
+        let sets = if self.stage.state_gradient { self.stage.sets[1] } else { 1 };
+        let saved = at_once * sets * (kept * tokens * whole.width + 3 * whole.texels());
         (4 * (weights + saved) + self.most_blocks() * self.block * OBJECT_BYTES) as u64
     }
 

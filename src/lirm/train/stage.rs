@@ -19,6 +19,9 @@
 //! the first set, those of it included, and in stage 1 a second set has a quarter of the weight of the
 //! losses.
 //!
+//! Every set of an object is compared, and the state before it is a constant. `--last-set` compares the last
+//! set alone; `--state-gradient` lets gradients flow through the state. The paper states neither.
+//!
 //! In its first `--shape-steps` a stage compares signed distances and renders nothing; such a step takes
 //! three quarters of the time. A training that began so used its cameras, those before it hardly did; they
 //! differ in more than this (chapter `small_model`).
@@ -109,10 +112,16 @@ pub struct Stage {
     pub shape_steps: usize,
     /// Whether draws are those for the second set ([`Self::with_updates`]).
     pub updates: bool,
+    /// Whether gradients flow through the state, from the losses of a set to the sets before it.
+    pub state_gradient: bool,
+    /// Whether the last set of an object is the only one that is compared.
+    pub last_set: bool,
     /// Whether albedo is compared as it is, not up to one factor per object.
     pub absolute_albedo: bool,
     /// Factor on the weight of roughness and metallic.
     pub material: f32,
+    /// Weight of normals: those of the head, and in stage 3 those of the surface.
+    pub normal: f32,
 }
 
 /// Names of the stages, in order.
@@ -146,8 +155,11 @@ impl Stage {
             distances: 0.0,
             shape_steps: 0,
             updates: false,
+            state_gradient: false,
+            last_set: false,
             absolute_albedo: false,
             material: 1.0,
+            normal: 1.0,
         };
         let whole = |steps, rates, inverse_beta, first_object| Self {
             light: [0.25, 0.375, 0.375],
@@ -228,9 +240,12 @@ impl Stage {
         if !(0.0..=1.0).contains(&self.tint[1]) {
             return refuse("--tint", "0 to 1", self.tint[1].to_string());
         }
-        for (name, weight) in
-            [("--points", self.points), ("--distances", self.distances), ("--material-weight", self.material)]
-        {
+        for (name, weight) in [
+            ("--points", self.points),
+            ("--distances", self.distances),
+            ("--material-weight", self.material),
+            ("--normal-weight", self.normal),
+        ] {
             if !(0.0..=1e4).contains(&weight) {
                 return refuse(name, "0 to 10 000", weight.to_string());
             }
@@ -317,6 +332,12 @@ impl Stage {
         if self.updates {
             all["updates"] = json!(true);
         }
+        if self.state_gradient {
+            all["state_gradient"] = json!(true);
+        }
+        if self.last_set {
+            all["last_set"] = json!(true);
+        }
         if self.stops && !self.is_last {
             all["stops"] = json!(true);
         }
@@ -325,6 +346,9 @@ impl Stage {
         }
         if self.material != 1.0 {
             all["material"] = json!(self.material);
+        }
+        if self.normal != 1.0 {
+            all["normal"] = json!(self.normal);
         }
         all
     }

@@ -97,6 +97,12 @@ fn a_plain_model_becomes_a_whole_one_whose_heads_begin_with_its_colours() {
     assert!(is_0("heads/material/3") && is_0("heads/rho/2"), "the middle of the range");
     assert!(whole.get("tokens/photo").is_some_and(|a| a.iter().all(|w| *w == 0.0)));
     assert_eq!(plain.get("block/00/fc2/g"), whole.get("block/00/fc2/g"));
+    let fewer = Config { material_layers: 2, ..Config::SMALL };
+    let (other, _) = extended(&first(&fewer, 1), &fewer, 2).expect("all arrays");
+    let shape = |name: &str| other.get(name).map(|a| a.shape().to_vec());
+    assert_eq!(shape("heads/albedo/2").zip(shape("heads/material/2")), Some((vec![3, 32], vec![2, 32])));
+    let is_0 = |name: &str| other.get(name).is_some_and(|a| a.iter().all(|w| *w == 0.0));
+    assert!(is_0("heads/albedo/2") && is_0("heads/material/2") && !is_0("heads/albedo/1"), "the middle too");
     let mut missing = plain.clone();
     missing.set("norm/gain", ArrayD::from_elem(IxDyn(&[3]), 1.0));
     let e = extended(&missing, &Config::SMALL, 2).expect_err("another shape").to_string();

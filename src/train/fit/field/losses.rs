@@ -5,7 +5,7 @@
 //! | colour, albedo | 1, 2 | mean (x − y)² of values in −1..1, and LPIPS or 0.1·(1 − SSIM) |
 //! | foreground | 1 | mean (O − M)² |
 //! | roughness, metallic | 1, 1, times `material` | mean (x − y)² of values in −1..1 |
-//! | normal head | 1 | Σ ‖n − n*‖² over the compared pixels / number of all values |
+//! | normal head | 1, times `normal` | Σ ‖n − n*‖² over the compared pixels / number of all values |
 //!
 //! Means of colour and albedo are over the pixels that count, the others over all pixels of the crop. (LIRM, § 10.) Colours here are in 0..1, so their squares have the factor 4. A fit compares the albedo of a pass as it is:
 //! its scale is known, and a factor would leave it free. LIRM compares it up to a factor per object (`loss.albedo`). Every crop has the same weight.
@@ -81,6 +81,8 @@ pub struct Terms<'a> {
     pub passes: bool,
     /// Factor on the weight of roughness and metallic.
     pub material: f32,
+    /// Factor on the weight of the normal head.
+    pub normal: f32,
     /// Weights of LPIPS; without them the structural similarity is compared.
     pub lpips: Option<&'a Weights>,
     /// Factor of linear albedo ([`albedo_scale`]); `None` compares albedo as it is.
@@ -238,7 +240,8 @@ impl Terms<'_> {
                 compared.iter_mut().zip(kept).for_each(|(c, k)| *c *= k);
             }
             let x = out.picked(rays.clone(), at, 3);
-            let (loss, bar) = self.square(&In { x: &x, y: &y, mask: Some(&compared), height, width }, 1.0)?;
+            let pair = In { x: &x, y: &y, mask: Some(&compared), height, width };
+            let (loss, bar) = self.square(&pair, self.normal)?;
             out.put(rays, at, 3, &bar);
             sum += loss;
         }
@@ -259,7 +262,8 @@ mod tests {
         (0..n).map(|i| 0.1 + 0.8 * rng.uniform_f32(i as u64, 0, 1, 0)).collect()
     }
 
-    const TERMS: Terms<'_> = Terms { weight: 0.5, passes: true, material: 1.0, lpips: None, scale: None };
+    const TERMS: Terms<'_> =
+        Terms { weight: 0.5, passes: true, material: 1.0, normal: 1.0, lpips: None, scale: None };
 
     /// Values over white, opacities, and true albedo.
     fn images() -> [Vec<f32>; 3] {

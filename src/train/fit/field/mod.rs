@@ -189,6 +189,7 @@ impl<'a> FieldFit<'a> {
             weight: 1.0 / batch.crops.len() as f32,
             passes: s.materials != Materials::Shaded,
             material: 1.0,
+            normal: 1.0,
             lpips: self.lpips.map(|m| &m.weights),
             scale: None,
         };
