@@ -2,6 +2,8 @@
 
 use crate::program::{json, lastlight, refused, stderr};
 use lastlight::io::image_file::{self, Picture, Samples};
+use lastlight::io::safetensors::Precision;
+use lastlight::lirm::model::file::Model;
 use lastlight::lirm::model::state::State;
 use serde_json::{Value, json};
 use std::path::Path;
@@ -337,12 +339,27 @@ fn a_configuration_file_makes_other_models() {
 }
 
 #[test]
-fn a_reconstruction_is_shown_under_another_light() {
+fn a_reconstruction_is_shown_under_another_light_and_an_overflow_is_refused() {
     let work = tempfile::tempdir().expect("a folder");
     let dir = work.path();
     tiny(dir);
     runs("lirm gen --views 6 --size 64 --samples 1 --texture 32 --out set -q", dir);
     runs("lirm reconstruct set/object_00000/uniform --model tiny.safetensors --out r -q", dir);
+    // The largest weights that a file may have: their products overflow in the second set.
+    let mut large = Model::read(&dir.join("tiny.safetensors")).expect("a model");
+    for name in ["places/planes", "places/panoramas", "fuse/w1", "fuse/w2", "norm/bias"] {
+        large.params.get_mut(name).expect("an array").fill(1e12);
+    }
+    large.write(&dir.join("large.safetensors"), Precision::Single).expect("written");
+    refused(
+        &line(
+            "lirm reconstruct set/object_00000/uniform --images-per-set 3 --model large.safetensors --out d",
+        ),
+        dir,
+        1,
+        &["LIRM state", "overflow", "--model"],
+    );
+    assert!(!dir.join("d").exists(), "nothing is left");
     let relit = json(
         &line("lirm relight r --env sunset --cameras orbit:2 --size 16x16 --samples 1 --out relit --json -q"),
         dir,

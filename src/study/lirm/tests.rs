@@ -2,7 +2,7 @@
 
 use super::setup::{NamedModel, Setup, Size};
 use super::{curve, limits, occupancy, samples, scenes, scoring, variants};
-use crate::experiment::{Chart, Experiment, Outcome, Report, Results, Summary, Values};
+use crate::experiment::{Cell, Chart, Experiment, Outcome, Report, Results, Summary, Values};
 use lastlight_lirm::model::config::Config;
 use lastlight_lirm::model::file::Model;
 use lastlight_lirm::model::origin::Part;
@@ -311,11 +311,11 @@ fn a_grid_is_filled_in_a_row_of_its_own() {
         _ => vec![("kept".into(), 0.04)],
     });
     let report = x.report(&results);
-    assert_eq!(outcome(&report), Outcome::Holds, "{}", report.verdict);
     let rows: Vec<&str> = report.rows.iter().map(|row| &*row[2]).collect();
     assert_eq!(rows, ["50.0 ± 0.0", "2.0 ± 0.0", "4.0 ± 0.0"]);
     assert!(
-        report.verdict.starts_with("4.0 ± 0.0 % are taken") && report.verdict.contains("leaves 8.0 ± 0.0 %"),
+        report.verdict.starts_with("4.0 ± 0.0 % are taken (the paper: 8.8 %)")
+            && report.verdict.contains("leaves 8.0 ± 0.0 %"),
         "{}",
         report.verdict
     );
@@ -331,10 +331,19 @@ fn saved_time_is_a_part_of_saved_samples() {
         vec![("all steps".to_owned(), all), ("grid and early stop".to_owned(), with)]
     };
     let results = filled(&x, kept);
-    let line = occupancy::saving(&results, &seconds([16.0, 2.0]));
+    let judged = |results: &[(Cell, Values)], seconds: &[(String, Summary)]| {
+        let mut report = x.report(results);
+        occupancy::judge(&mut report, results, seconds);
+        (outcome(&report), report.verdict)
+    };
+    let (fast, line) = judged(&results, &seconds([16.0, 2.0]));
     assert!(line.contains(" 10.0 times fewer") && line.contains(" 8.0 times as fast: 0.80 of"), "{line}");
-    assert_eq!(occupancy::saving(&results, &[]), "", "nothing was timed");
-    assert_eq!(occupancy::saving(&[], &seconds([1.0, 1.0])), "", "nothing was rendered");
+    let (slow, _) = judged(&results, &seconds([16.0, 4.0]));
+    assert_eq!([fast, slow], [Outcome::Holds, Outcome::Fails], "0.8 and 0.4 of what the samples give");
+    let (untimed, line) = judged(&results, &[]);
+    assert!(untimed == Outcome::Reported && !line.contains("times as fast"), "nothing was timed: {line}");
+    let (unrendered, _) = judged(&[], &seconds([1.0, 1.0]));
+    assert_eq!(unrendered, Outcome::Reported, "nothing was rendered");
 }
 
 #[test]
