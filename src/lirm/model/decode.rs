@@ -115,18 +115,20 @@ impl Ready<'_> {
         Field { planes, panoramas, heads: self.networks(), settings, placement }
     }
 
-    /// Adds the gradients of the layers and heads for the gradients of a decoded field to `g`; returns the
-    /// cotangent of the state.
-    pub fn pull_decoded(&self, state: &[f32], bar: &InBar, g: &mut Gradients) -> Vec<f32> {
+    /// Adds the gradients of the layers and heads for the gradients of a decoded field to `g`, and those of the
+    /// state to `state_bar`.
+    ///
+    /// # Panics
+    /// Panics if the state has another size.
+    pub fn pull_decoded(&self, state: &[f32], bar: &InBar, g: &mut Gradients, state_bar: &mut [f32]) {
         let c = &self.config;
         let at = c.tokens()[0] * c.width;
         let (of_planes, of_panoramas) = state.split_at(at);
-        let mut state_bar = vec![0.0; state.len()];
         let mut pull = |name: &str, tokens: &[f32], texels_bar: &[f32], into: &mut [f32]| {
             let x = self.unpatch(name, tokens, c.grids(name == "planes"));
             let names = [format!("unpatch/{name}"), format!("unpatch/{name}/bias")];
             lend(g, names, |[weight, bias]| {
-                let mut own = unpatch::InBar { tokens: vec![0.0; tokens.len()], weight, bias };
+                let mut own = unpatch::InBar { tokens: into.to_vec(), weight, bias };
                 unpatch::adjoint(&x, texels_bar, &mut own);
                 into.copy_from_slice(&own.tokens);
                 [own.weight, own.bias]
@@ -156,6 +158,5 @@ impl Ready<'_> {
                 sum.iter_mut().zip(part).for_each(|(s, p)| *s += p);
             }
         }
-        state_bar
     }
 }

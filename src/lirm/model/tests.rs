@@ -99,7 +99,8 @@ fn gradients_are_difference_quotients_with_and_without_recomputation() {
             }
         }
         let mut g = ready.zeros();
-        let next_bar = ready.pull_decoded(&next, &bar, &mut g);
+        let mut next_bar = vec![0.0; next.len()];
+        ready.pull_decoded(&next, &bar, &mut g, &mut next_bar);
         let mut state_bar = vec![0.0; state.len()];
         ready.pull_read(&state, &views, saved.expect("kept"), &next_bar, &mut g, &mut state_bar);
         let made = ready.finish(g);

@@ -55,8 +55,15 @@ struct Sets<'a> {
 }
 
 impl Sets<'_> {
-    /// Reads set `set` of every object that has one, and compares the fields.
-    fn forward(&self, set: usize, states: &[Vec<f32>], watch: &mut dyn Watch) -> Result<Vec<Read>> {
+    /// Reads set `set` of every object that has one, and compares the fields. The states become those after the
+    /// set; the losses are added to those of the objects.
+    fn forward(
+        &self,
+        set: usize,
+        states: &mut [Vec<f32>],
+        losses: &mut [f32],
+        watch: &mut dyn Watch,
+    ) -> Result<Vec<Read>> {
         let active: Vec<usize> =
             (0..self.objects.len()).filter(|k| set < self.objects[*k].sets.len()).collect();
         let is_compared = |k: usize| !self.stage.last_set || set + 1 == self.objects[k].sets.len();
@@ -80,20 +87,18 @@ impl Sets<'_> {
         });
         let compared = compared.into_iter().collect::<Result<Vec<_>>>()?;
         watch.lap("render and losses");
-        let all = read.into_iter().zip(compared).zip(active);
-        let one = |(((next, saved), compared), object): ((_, _), usize)| Read {
-            object,
-            set,
-            states: [states[object].clone(), next],
-            saved,
-            compared,
-        };
-        Ok(all.map(one).collect())
+        let mut all = Vec::with_capacity(active.len());
+        for (((next, saved), compared), object) in read.into_iter().zip(compared).zip(active) {
+            let before = std::mem::replace(&mut states[object], next.clone());
+            losses[object] += compared.as_ref().map_or(0.0, |(_, loss)| loss.loss);
+            all.push(Read { object, set, states: [before, next], saved, compared });
+        }
+        Ok(all)
     }
 
     /// The gradients of sets of different objects. `state_bars` has, by object, what the set after this one
     /// adds to the cotangent of its state; then what this one adds to that of the set before it.
-    fn adjoint(&self, read: Vec<Read>, state_bars: &mut [Vec<f32>], watch: &mut dyn Watch) -> Vec<Gradients> {
+    fn pull(&self, read: Vec<Read>, state_bars: &mut [Vec<f32>], watch: &mut dyn Watch) -> Vec<Gradients> {
         let bars: Vec<Option<InBar>> = par::map(read.len(), |i| {
             let (field, loss) = read[i].compared.as_ref()?;
             Some(self.objects[read[i].object].pull(field, loss))
@@ -108,11 +113,10 @@ impl Sets<'_> {
             let ((read, bar), later) = &mut *own;
             let [before, next] = &read.states;
             let mut g = self.ready.zeros();
-            let mut next_bar = match bar {
-                Some(bar) => self.ready.pull_decoded(next, bar, &mut g),
-                None => vec![0.0; next.len()],
-            };
-            next_bar.iter_mut().zip(&*later).for_each(|(x, y)| *x += y);
+            let mut next_bar = if later.is_empty() { vec![0.0; next.len()] } else { std::mem::take(later) };
+            if let Some(bar) = bar {
+                self.ready.pull_decoded(next, bar, &mut g, &mut next_bar);
+            }
             // The state before the first set is a constant.
             let is_passed = self.stage.state_gradient && read.set > 0;
             let mut before_bar = if is_passed { vec![0.0; before.len()] } else { Vec::new() };
@@ -151,7 +155,7 @@ impl Training<'_> {
         let mut pull = |read: Vec<Read>, watch: &mut dyn Watch| {
             let read: Vec<Read> = read.into_iter().filter(|x| x.saved.is_some()).collect();
             let of: Vec<usize> = read.iter().map(|x| x.object).collect();
-            for (object, g) in of.into_iter().zip(sets.adjoint(read, &mut state_bars, watch)) {
+            for (object, g) in of.into_iter().zip(sets.pull(read, &mut state_bars, watch)) {
                 match &mut sums[object] {
                     Some(sum) => sum.add(&g),
                     none => *none = Some(g),
@@ -160,11 +164,7 @@ impl Training<'_> {
         };
         let mut waiting = Vec::new();
         for set in 0..objects.iter().map(|o| o.sets.len()).fold(0, Ord::max) {
-            let read = sets.forward(set, &states, watch)?;
-            for x in &read {
-                states[x.object] = x.states[1].clone();
-                losses[x.object] += x.compared.as_ref().map_or(0.0, |(_, loss)| loss.loss);
-            }
+            let read = sets.forward(set, &mut states, &mut losses, watch)?;
             if s.stage.state_gradient {
                 waiting.push(read);
             } else {
