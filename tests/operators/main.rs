@@ -14,6 +14,7 @@ mod kinks;
 mod linear;
 mod loss;
 mod mcmc;
+mod memory;
 mod optim;
 mod oracle;
 mod shade;
