@@ -151,7 +151,7 @@ const RARE: &[&str] = &[
     "keys",
     "lambda",
     "lambda-mode",
-    "last-set",
+    "last-set-only",
     "latent-every",
     "latent-weight",
     "lpips-raw",

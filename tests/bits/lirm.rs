@@ -27,7 +27,7 @@ use lastlight::scene::passes::PassImages;
 const STEPS: usize = 5;
 /// Images of a set that is read.
 const SET: usize = 4;
-/// Steps of a ray in a training: few, so that all kinds together take two seconds.
+/// Steps of a ray in a training: few, so that all kinds together take about two seconds.
 const TRAINED_SAMPLES: usize = 8;
 /// Steps of a ray in the image of a field.
 const SAMPLES: usize = 24;
@@ -45,8 +45,9 @@ const KINDS: [(&str, &str, f32, Kind); 5] = [
     (INCLUDED, "2b", 10.0, Kind::Muon),
     ("3", "3", 0.0, Kind::AdamW),
 ];
-/// A stage that begins on distances alone, draws for the second set, and averages its last steps.
-const SHAPE_FIRST: &str = "1a on distances first, with updates and a mean";
+/// A stage that begins on distances alone, draws for the second set, lets gradients flow through the state, and
+/// averages its last steps.
+const SHAPE_FIRST: &str = "1a on distances first, with updates, gradients through the state and a mean";
 /// The second part of stage 2 with the options of the included weights: its rays end where they are opaque.
 const INCLUDED: &str = "2b with a rate for heads, fewer uses, albedo as it is and updates";
 /// Names of the two sets of images.
@@ -167,7 +168,7 @@ pub(crate) fn entries() -> Vec<Entry> {
     for (name, stage, distances, optimizer) in KINDS {
         let mut settings = settings(stage, distances, optimizer);
         if name == SHAPE_FIRST {
-            settings.stage = Stage { shape_steps: 2, ..settings.stage.with_updates() };
+            settings.stage = Stage { shape_steps: 2, state_gradient: true, ..settings.stage.with_updates() };
             settings.average_last = 2;
         }
         if name == INCLUDED {

@@ -294,11 +294,22 @@ fn a_configuration_file_makes_other_models() {
     )
     .expect("written");
     let short = "--iterations 1 --batch 1 --objects-at-once 1 --json -q";
-    let tri = json(&line(&format!("lirm train --stage 1a --config tri.json --out tri {short}")), dir);
+    let options = "--state-gradient --normal-weight 2";
+    let tri =
+        json(&line(&format!("lirm train --stage 1a --config tri.json {options} --out tri {short}")), dir);
     let of = |key: &str| tri["settings"][key].clone();
     assert_eq!((of("planes"), of("plane_tokens"), of("fuse")), (3.into(), 3.into(), "published".into()));
     assert_eq!(of("first_values"), "scaled", "what the file does not say is as in small");
-    let next = json(&line(&format!("lirm train --stage 2a --from tri --out next {short}")), dir);
+    assert_eq!(
+        (of("state_gradient"), of("last_set_only"), of("normal_weight")),
+        (true.into(), Value::Null, 2.into())
+    );
+    let next =
+        json(&line(&format!("lirm train --stage 2a --from tri --last-set-only --out next {short}")), dir);
+    assert_eq!(
+        (&next["settings"]["last_set_only"], &next["settings"]["state_gradient"]),
+        (&true.into(), &Value::Null)
+    );
     assert_eq!(next["settings"]["whole"], true);
     assert_eq!(next["settings"]["material_layers"], 2);
     // The layers of `paper` in their full width, with fewer blocks and tokens: a file, which reads images.
@@ -312,6 +323,11 @@ fn a_configuration_file_makes_other_models() {
     runs("lirm gen --views 6 --size 64 --samples 1 --texture 32 --out set -q", dir);
     let read = "lirm reconstruct set/object_00000/uniform --model wide.safetensors --out wide --json -q";
     assert!(json(&line(read), dir)["evaluation"]["mean"]["psnr_db"].is_number(), "a field of a wide model");
+    // As many layers as a head of a field may have.
+    let deep = json!({ "blocks": 1, "width": 16, "heads": 2, "plane_tokens": 2, "channels": 4, "material_layers": 15 });
+    std::fs::write(dir.join("deep.json"), deep.to_string()).expect("written");
+    runs("lirm init --whole --config deep.json --out deep.safetensors -q", dir);
+    runs("lirm reconstruct set/object_00000/uniform --model deep.safetensors --out deep -q", dir);
     let told =
         lastlight(&line("lirm reconstruct set/object_00000/uniform --model wide.safetensors --out w"), dir);
     let told = stderr(&told);
@@ -330,6 +346,12 @@ fn a_configuration_file_makes_other_models() {
     refused(&line("lirm init --config bad.json --out d"), dir, 2, &["bad.json", "a complete JSON document"]);
     refused(&line("lirm init --config none.json --out d"), dir, 2, &["none.json"]);
     refused(&line("lirm init --config large --out d"), dir, 2, &["large", "small, paper or a .json file"]);
+    refused(
+        &line("lirm train --stage 2a --config tiny.json --normal-weight 0 --out d"),
+        dir,
+        2,
+        &["--normal-weight", "above 0"],
+    );
     refused(
         &line("lirm train --stage 1a --config tiny.json --max-memory 20M --objects-at-once 1 --out d"),
         dir,

@@ -99,9 +99,10 @@ fn every_kind_of_stage_has_one_digest() {
     let shape = Settings { stage: Stage { shape_steps: 3, ..distances.stage.clone() }, ..distances.clone() };
     let own = settings("1b", 5);
     let updates = Settings { stage: own.stage.clone().with_updates(), ..own };
-    let through =
-        Settings { stage: Stage { state_gradient: true, ..updates.stage.clone() }, ..updates.clone() };
-    let last = Settings { stage: Stage { last_set: true, ..updates.stage.clone() }, ..updates.clone() };
+    // Objects of one to three sets.
+    let own = settings("2a", 5);
+    let through = Settings { stage: Stage { state_gradient: true, ..own.stage.clone() }, ..own.clone() };
+    let last = Settings { stage: Stage { last_set_only: true, ..own.stage.clone() }, ..own };
     let kinds = [
         ("1a", settings("1a", 5)),
         ("1a with surface points", compared(10.0, 0.0)),
@@ -109,8 +110,8 @@ fn every_kind_of_stage_has_one_digest() {
         ("1a with signed distances alone in three steps", shape),
         ("1a with Muon", muon),
         ("1b with draws for the second set", updates),
-        ("1b with gradients through the state", through),
-        ("1b with the last set alone", last),
+        ("2a with gradients through the state", through),
+        ("2a with the last set alone", last),
         ("1a, averaged over three steps", Settings { average_last: 3, ..settings("1a", 5) }),
         ("2a", settings("2a", 5)),
         ("3", settings("3", 5)),
@@ -155,8 +156,16 @@ fn a_resumed_training_is_the_uninterrupted_one() {
         let schedule = Schedule { checkpoint: None, every: 1000, stop: &stop };
         run(&mut training, &mut history, schedule, &mut ()).expect("finite");
         assert_eq!(digest(training.params()), usual, "stage {stage} with {}", optimizer.name());
+        let changed = |change: &dyn Fn(&mut Stage)| {
+            let mut other = own.clone();
+            change(&mut other.stage);
+            other
+        };
         let others = [
             ("batch", Settings { batch: 1, ..own.clone() }),
+            ("state_gradient", changed(&|stage| stage.state_gradient = true)),
+            ("last_set_only", changed(&|stage| stage.last_set_only = true)),
+            ("normal_weight", changed(&|stage| stage.normal_weight = 2.0)),
             (
                 "optimizer",
                 Settings {
@@ -224,8 +233,8 @@ fn a_stage_goes_on_after_its_first_part() {
         ("--head-rate", Settings { head_rate: 2.0, ..settings("1a", 40) }),
         ("--updates", Settings { stage: settings("1a", 40).stage.with_updates(), ..settings("1a", 40) }),
         ("--state-gradient", changed(&|stage| stage.state_gradient = true)),
-        ("--last-set", changed(&|stage| stage.last_set = true)),
-        ("--normal-weight", changed(&|stage| stage.normal = 2.0)),
+        ("--last-set-only", changed(&|stage| stage.last_set_only = true)),
+        ("--normal-weight", changed(&|stage| stage.normal_weight = 2.0)),
     ] {
         let mut other = Training::new(other, TINY, Some(one.params()), &source).expect("valid");
         let e = other.continue_from(&part).expect_err("another setting").to_string();

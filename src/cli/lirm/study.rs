@@ -147,7 +147,7 @@ fn study(args: &Args, out: &Path) -> Result<()> {
     for (i, x) in chosen.iter().enumerate().filter(|(_, x)| COSTS.contains(&x.id())) {
         let seconds = engine::durations(&dir, x.folder(), &x.cells());
         if x.id() == COSTS[0] {
-            occupancy::judge(&mut reports[i], &results[i], &seconds);
+            occupancy::occupied(&setup).judge(&mut reports[i], &results[i], &seconds);
         } else if let Some(chart) = samples::over_time(&results[i], &seconds) {
             reports[i].chart = chart;
             reports[i].chart_labels[1] = "seconds of an image";

@@ -95,14 +95,14 @@ pub(crate) struct Args {
     state_gradient: bool,
     /// Compare the last set of images of an object only, not every set
     #[arg(long)]
-    last_set: bool,
+    last_set_only: bool,
     /// Compare albedo as it is, not up to one factor per object
     #[arg(long)]
     absolute_albedo: bool,
     /// Factor on the weight of roughness and metallic
     #[arg(long, value_name = "X", default_value_t = 1.0)]
     material_weight: f32,
-    /// Weight of normals: those of the head, and in stage 3 those of the surface
+    /// Weight of the normal head; above 0 where colours depend on the direction. The numerical normals of stage 3 have 1
     #[arg(long, value_name = "X", default_value_t = 1.0)]
     normal_weight: f32,
     /// The model is the mean of the weights over this many last steps [default: the weights after the last step]
@@ -159,10 +159,10 @@ impl Args {
         stage.tint[1] = self.tint.unwrap_or(stage.tint[1]);
         stage.points = self.points;
         stage.state_gradient = self.state_gradient;
-        stage.last_set = self.last_set;
+        stage.last_set_only = self.last_set_only;
         stage.absolute_albedo = self.absolute_albedo;
         stage.material = self.material_weight;
-        stage.normal = self.normal_weight;
+        stage.normal_weight = self.normal_weight;
         stage.shape_steps = self.shape_steps as usize;
         stage = stage.with_distances(self.distances);
         if self.updates {
@@ -191,7 +191,7 @@ const TAIL: usize = 100;
 fn page(stage: &str, digest: &str, x: &Run<'_>) -> Result<Page> {
     let mut stats: Vec<_> = x.history.map(|h| run::iterations(h, String::new())).into_iter().collect();
     stats.push(x.card());
-    let remark = " A loss is the mean over objects, sets of images and crops.";
+    let remark = " A loss is the mean over objects, the sets of images that are compared, and crops.";
     let mut sections: Vec<_> = x.course("Loss", None, remark, &[])?.into_iter().collect();
     sections.extend(x.tail());
     Ok(Page {

@@ -28,8 +28,7 @@ pub const PATCH: usize = 8;
 pub const LEVELS: usize = 4;
 /// Units of the hidden layers of heads.
 pub const HIDDEN: usize = 32;
-/// Hidden layers of the heads of albedo and material, unless a configuration has another number: that of the
-/// successor of LIRM.
+/// Hidden layers of the heads of albedo and material where files have no number: that of the successor of LIRM.
 const MATERIAL_LAYERS: usize = 3;
 /// Added to the variance by every LayerNorm.
 pub const EPS: f64 = 1e-6;
@@ -133,7 +132,7 @@ impl Config {
         within("plane_tokens", self.plane_tokens, [1, 256])?;
         within("embed_tokens", self.embed_tokens, [0, 256])?;
         within("channels", self.channels, [1, 256])?;
-        within("material_layers", self.material_layers, [1, 16])?;
+        within("material_layers", self.material_layers, [1, 15])?;
         if !self.width.is_multiple_of(self.heads) {
             return Err(Error::input("configuration")
                 .at("heads")
@@ -211,12 +210,17 @@ impl Config {
 
     /// Returns the settings as a flat JSON object.
     pub fn json(&self) -> Value {
-        json!({
+        let mut all = json!({
             "blocks": self.blocks, "width": self.width, "heads": self.heads, "planes": self.planes,
-            "plane_tokens": self.plane_tokens, "embed_tokens": self.embed_tokens, "channels": self.channels, "material_layers": self.material_layers,
+            "plane_tokens": self.plane_tokens, "embed_tokens": self.embed_tokens, "channels": self.channels,
             "fuse": self.fuse.name(), "pose": self.pose.name(), "first_values": self.first_values.name(), "rays": self.rays.name(),
             "background": self.background.name(), "whole": self.is_whole,
-        })
+        });
+        // Files and runs from before the setting have no entry.
+        if self.material_layers != MATERIAL_LAYERS {
+            all["material_layers"] = json!(self.material_layers);
+        }
+        all
     }
 
     /// Reads a configuration file: some of the settings of [`Self::json`] under the same names; the others
@@ -239,7 +243,8 @@ impl Config {
     /// # Errors
     /// A missing or unknown setting, or one out of its range; the error names it.
     pub fn parse(from: &Value) -> Result<Self> {
-        let known = Self::SMALL.json();
+        let mut known = Self::SMALL.json();
+        known["material_layers"] = json!(MATERIAL_LAYERS);
         if let Some((key, _)) =
             from.as_object().into_iter().flatten().find(|(key, _)| known.get(key).is_none())
         {
@@ -321,6 +326,7 @@ mod tests {
             Config::PAPER,
             Config::SMALL,
             Config { planes: 3, embed_tokens: 0, is_whole: true, ..Config::SMALL },
+            Config { material_layers: 2, ..Config::SMALL },
         ] {
             assert_eq!(Config::parse(&config.json()).expect("its own text"), config);
         }
@@ -332,7 +338,7 @@ mod tests {
             ("rays", json!("moment")),
             ("background", json!(1)),
             ("width", json!(-1)),
-            ("material_layers", json!(17)),
+            ("material_layers", json!(16)),
             ("attention", json!("linear")),
         ] {
             let mut bad = Config::SMALL.json();
@@ -343,13 +349,14 @@ mod tests {
     }
 
     #[test]
-    fn models_without_entries_read_moments_and_white_backgrounds() {
+    fn models_without_entries_are_those_from_before_the_settings() {
         let mut old = Config::SMALL.json();
-        for key in ["rays", "background", "material_layers"] {
+        for key in ["rays", "background"] {
             old.as_object_mut().expect("an object").remove(key);
         }
         let expected = Config { rays: Rays::Plucker, background: Background::White, ..Config::SMALL };
         assert_eq!(Config::parse(&old).expect("valid"), expected);
+        assert!(old.get("material_layers").is_none(), "three hidden layers have no entry");
     }
 
     #[test]

@@ -21,8 +21,8 @@
 //! ```
 //!
 //! The state is the tokens of the planes and of the panoramas after the final LayerNorm. Its size does not
-//! depend on how many images made it. The same weights serve every set of images; the state is a constant
-//! input of the next set (no gradient flows through it).
+//! depend on how many images made it. The same weights serve every set of images. In training the state is a
+//! constant input of the next set, unless `--state-gradient` lets gradients flow through it.
 //!
 //! What the paper leaves open is a named setting of [`Config`].
 

@@ -64,16 +64,16 @@ pub struct Part {
     pub state_gradient: bool,
     /// Whether the last set of an object was the only one that was compared.
     #[serde(default, skip_serializing_if = "is_false")]
-    pub last_set: bool,
+    pub last_set_only: bool,
     /// Whether albedo was compared as it is.
     #[serde(default, skip_serializing_if = "is_false")]
     pub absolute_albedo: bool,
     /// Weight of roughness and metallic, where it is not 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub material: Option<f32>,
-    /// Weight of normals, where it is not 1.
+    /// Weight of the normal head, where it is not 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub normal: Option<f32>,
+    pub normal_weight: Option<f32>,
     /// Steps at the end over which the weights were averaged, at most those of the part.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub average_last: usize,
@@ -184,10 +184,10 @@ mod tests {
             shape_steps: 0,
             updates: false,
             state_gradient: true,
-            last_set: false,
+            last_set_only: false,
             absolute_albedo: true,
             material: Some(10.0),
-            normal: Some(0.0),
+            normal_weight: Some(0.0),
             average_last: 0,
             inverse_beta,
             start: "0123".to_owned(),

@@ -32,7 +32,8 @@
 //! first weights of gain 2 would begin at the ends of its range (metallic at 10⁻⁴, with a gradient of as
 //! much). So the new heads begin with values of the trained ones: albedo as the colour head, material with
 //! its hidden layers and a last layer of 0 (½ everywhere), ρ with a last layer of 0; where albedo and material
-//! have another number of hidden layers than the colour head, both begin with a last layer of 0. The colour head's
+//! have another number of hidden layers than the colour head, both begin with its first ones and a last layer
+//! of 0. The colour head's
 //! columns for the embedding begin at half of their first values: with 0, panoramas would get no gradient
 //! until the columns have grown.
 //!
@@ -322,8 +323,8 @@ pub fn extended(params: &Params, c: &Config, seed: u64) -> Result<(Params, Confi
             // As many layers as there are hidden ones, and the last.
             let (copied, is_zeroed) = match name {
                 "albedo" if hidden == COLOR_LAYERS => (hidden + 1, false),
-                "material" if hidden == COLOR_LAYERS => (hidden, true),
-                "albedo" | "material" | "rho" => (0, true),
+                "albedo" | "material" => (Ord::min(hidden, COLOR_LAYERS), true),
+                "rho" => (0, true),
                 _ => continue,
             };
             (0..copied).for_each(|l| all.set(&format!("heads/{name}/{l}"), old(l)));

@@ -18,9 +18,10 @@
 //! clip every array to length 1 ──► optimizer
 //! ```
 //!
-//! The state between sets is detached: no gradient flows through it, so a step needs the memory of one set.
-//! [`Stage::state_gradient`] lets it flow; the paper does not state which it was. The loss is the mean over
-//! objects, sets and crops.
+//! By default the state between sets is detached: no gradient flows through it, so a step needs the memory of
+//! one set. With [`Stage::state_gradient`] the adjoints follow after all forward passes, from the last set to the
+//! first; the paper does not state which it was. The loss is the mean over objects, their sets (or their last
+//! ones, [`Stage::last_set_only`]) and crops.
 //!
 //! A stage can be made in parts: [`Training::stop_after`] ends it after a step, and
 //! [`Training::continue_from`] goes on from the weights, with fresh moments and a rate that rises again over
@@ -154,6 +155,11 @@ impl<'a> Training<'a> {
                     .got(format!("stage {} of a model without them", stage.name)));
             }
         }
+        if stage.normal_weight == 0.0 && config.is_directed() {
+            return Err(Error::input("--normal-weight")
+                .expected("above 0 for a model with panoramas, whose colours read the reflection about the normals of the head")
+                .got("0"));
+        }
         let states = States::new(settings.optimizer, settings.head_rate, &begun)?;
         let start = digest(&begun);
         Ok(Self {
@@ -211,9 +217,13 @@ impl<'a> Training<'a> {
             ("--shape-steps", json!(part.shape_steps), json!(own.shape_steps)),
             ("--updates", json!(part.updates), json!(own.updates)),
             ("--state-gradient", json!(part.state_gradient), json!(own.state_gradient)),
-            ("--last-set", json!(part.last_set), json!(own.last_set)),
+            ("--last-set-only", json!(part.last_set_only), json!(own.last_set_only)),
             ("--absolute-albedo", json!(part.absolute_albedo), json!(own.absolute_albedo)),
-            ("--normal-weight", text(part.normal.unwrap_or(1.0)), text(own.normal.unwrap_or(1.0))),
+            (
+                "--normal-weight",
+                text(part.normal_weight.unwrap_or(1.0)),
+                text(own.normal_weight.unwrap_or(1.0)),
+            ),
             ("--material-weight", text(part.material.unwrap_or(1.0)), text(own.material.unwrap_or(1.0))),
             ("--points", text(part.points), text(own.points)),
             ("--distances", text(part.distances), text(own.distances)),
@@ -252,10 +262,10 @@ impl<'a> Training<'a> {
             shape_steps: s.stage.shape_steps,
             updates: s.stage.updates,
             state_gradient: s.stage.state_gradient,
-            last_set: s.stage.last_set,
+            last_set_only: s.stage.last_set_only,
             absolute_albedo: s.stage.absolute_albedo,
             material: Some(s.stage.material).filter(|x| *x != 1.0),
-            normal: Some(s.stage.normal).filter(|x| *x != 1.0),
+            normal_weight: Some(s.stage.normal_weight).filter(|x| *x != 1.0),
             average_last: self.range[1] - self.first_averaged(),
             inverse_beta: s.stage.rendering(self.range[1].saturating_sub(1)).inverse_beta,
             start: self.start.clone(),

@@ -30,6 +30,8 @@ pub(super) const INPUT_TOKENS: usize = (INPUT_SIDE / PATCH) * (INPUT_SIDE / PATC
 const PURPOSE: u16 = 0x0555;
 /// Radius of the ball in which an object is.
 const RADIUS: f64 = 0.5;
+/// Weight of numerical normals.
+const NORMALS: f32 = 1.0;
 /// Cells per axis of the grid that samples are skipped by.
 const CELLS: usize = 64;
 /// Rays whose gradients are in memory at once.
@@ -171,7 +173,7 @@ impl Object {
         let (mut loss, mut render) = self.render(field, weight, stage)?;
         loss += sdf;
         if stage.is_last {
-            loss += self.compare_normals(field, weight, stage, &mut render)?;
+            loss += self.compare_normals(field, weight, &mut render)?;
         }
         Ok(ObjectLoss { loss, render: Some(render), distances_bar })
     }
@@ -193,7 +195,7 @@ impl Object {
             weight: weight / self.crops.len() as f32,
             passes: true,
             material: stage.material,
-            normal: stage.normal,
+            normal: stage.normal_weight,
             lpips: None,
             scale,
         };
@@ -210,7 +212,7 @@ impl Object {
     }
 
     /// The loss of numerical normals at the surface.
-    fn compare_normals(&self, field: &Field, weight: f32, stage: &Stage, render: &mut Render) -> Result<f32> {
+    fn compare_normals(&self, field: &Field, weight: f32, render: &mut Render) -> Result<f32> {
         let surface = AtSurface::of(&self.targets, &self.crops, &render.out);
         if surface.rays.is_empty() {
             return Ok(0.0);
@@ -218,7 +220,7 @@ impl Object {
         let normals = Stencils::at(field, &surface.points).normals;
         render.normals_bar = vec![[0.0; 3]; normals.len()];
         let bar = &mut render.normals_bar;
-        let loss = surface.compare(&self.targets, &self.crops, &normals, weight * stage.normal, bar)?;
+        let loss = surface.compare(&self.targets, &self.crops, &normals, weight * NORMALS, bar)?;
         render.surface = surface;
         Ok(loss)
     }
@@ -359,7 +361,8 @@ mod tests {
             [0.0, 1.0, 3.0].map(|material| of(&Stage { material, ..whole.clone() }).loss);
         let own = one - none;
         assert!(own > 1e-3 && (three - none - 3.0 * own).abs() < 1e-3 * own, "{none} {one} {three}");
-        let [none, one, three] = [0.0, 1.0, 3.0].map(|normal| of(&Stage { normal, ..whole.clone() }).loss);
+        let [none, one, three] =
+            [0.0, 1.0, 3.0].map(|normal_weight| of(&Stage { normal_weight, ..whole.clone() }).loss);
         let own = one - none;
         assert!(own > 1e-3 && (three - none - 3.0 * own).abs() < 1e-3 * own, "{none} {one} {three}");
         let three = of(&Stage { material: 3.0, ..whole.clone() }).loss;
@@ -401,7 +404,7 @@ mod tests {
             texels.for_each(|(x, g)| *x += (h * g / length) as f32);
             let normals = Stencils::at(&field, &surface.points).normals;
             let mut bar = vec![[0.0; 3]; normals.len()];
-            let loss = surface.compare(&object.targets, &object.crops, &normals, 1.0, &mut bar);
+            let loss = surface.compare(&object.targets, &object.crops, &normals, NORMALS, &mut bar);
             f64::from(loss.expect("finite"))
         };
         let slope = (moved(0.01) - moved(-0.01)) / 0.02;

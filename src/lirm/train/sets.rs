@@ -12,7 +12,7 @@
 //! passes come first, then the adjoints from the last set to the first: the gradient of an object is then
 //! that of its loss as a function of the weights, and a state is trained for the sets that follow it too.
 //!
-//! The loss of an object is the mean over its sets, or with [`Stage::last_set`] that of its last set; earlier
+//! The loss of an object is the mean over its sets, or with [`Stage::last_set_only`] that of its last set; earlier
 //! ones are then not rendered.
 
 use super::Training;
@@ -30,7 +30,7 @@ use std::sync::{Mutex, PoisonError};
 
 /// A set of an object after its forward pass.
 #[derive(Debug)]
-struct Read {
+struct SetPass {
     /// Number of the object.
     object: usize,
     /// Number of the set.
@@ -63,10 +63,10 @@ impl Sets<'_> {
         states: &mut [Vec<f32>],
         losses: &mut [f32],
         watch: &mut dyn Watch,
-    ) -> Result<Vec<Read>> {
+    ) -> Result<Vec<SetPass>> {
         let active: Vec<usize> =
             (0..self.objects.len()).filter(|k| set < self.objects[*k].sets.len()).collect();
-        let is_compared = |k: usize| !self.stage.last_set || set + 1 == self.objects[k].sets.len();
+        let is_compared = |k: usize| !self.stage.last_set_only || set + 1 == self.objects[k].sets.len();
         let read = par::map(active.len(), |i| {
             let k = active[i];
             let is_pulled = is_compared(k) || self.stage.state_gradient;
@@ -79,7 +79,7 @@ impl Sets<'_> {
                 return Ok(None);
             }
             // The mean over the objects of the step and the compared sets of each.
-            let sets = if self.stage.last_set { 1 } else { object.sets.len() };
+            let sets = if self.stage.last_set_only { 1 } else { object.sets.len() };
             let weight = 1.0 / (self.batch * sets) as f32;
             let field = self.ready.decode(&read[i].0, self.rendering, object.placement);
             let loss = object.losses(&field, weight, self.stage)?;
@@ -91,14 +91,15 @@ impl Sets<'_> {
         for (((next, saved), compared), object) in read.into_iter().zip(compared).zip(active) {
             let before = std::mem::replace(&mut states[object], next.clone());
             losses[object] += compared.as_ref().map_or(0.0, |(_, loss)| loss.loss);
-            all.push(Read { object, set, states: [before, next], saved, compared });
+            all.push(SetPass { object, set, states: [before, next], saved, compared });
         }
         Ok(all)
     }
 
-    /// The gradients of sets of different objects. `state_bars` has, by object, what the set after this one
-    /// adds to the cotangent of its state; then what this one adds to that of the set before it.
-    fn pull(&self, read: Vec<Read>, state_bars: &mut [Vec<f32>], watch: &mut dyn Watch) -> Vec<Gradients> {
+    /// The gradients of sets of different objects. `state_bars` has one entry per object: the cotangent of the
+    /// state after this set, from the set that follows (empty: none). Afterwards it is that of the state before
+    /// this set.
+    fn pull(&self, read: Vec<SetPass>, state_bars: &mut [Vec<f32>], watch: &mut dyn Watch) -> Vec<Gradients> {
         let bars: Vec<Option<InBar>> = par::map(read.len(), |i| {
             let (field, loss) = read[i].compared.as_ref()?;
             Some(self.objects[read[i].object].pull(field, loss))
@@ -152,8 +153,8 @@ impl Training<'_> {
         let mut losses = vec![0.0; objects.len()];
         let mut sums: Vec<Option<Gradients>> = objects.iter().map(|_| None).collect();
         let mut state_bars: Vec<Vec<f32>> = objects.iter().map(|_| Vec::new()).collect();
-        let mut pull = |read: Vec<Read>, watch: &mut dyn Watch| {
-            let read: Vec<Read> = read.into_iter().filter(|x| x.saved.is_some()).collect();
+        let mut pull = |read: Vec<SetPass>, watch: &mut dyn Watch| {
+            let read: Vec<SetPass> = read.into_iter().filter(|x| x.saved.is_some()).collect();
             let of: Vec<usize> = read.iter().map(|x| x.object).collect();
             for (object, g) in of.into_iter().zip(sets.pull(read, &mut state_bars, watch)) {
                 match &mut sums[object] {

@@ -47,9 +47,9 @@ impl Settings {
         // The gradients of a set, and the sums over those before it.
         let weights = count(&whole) * (5 + mean + 2 * at_once);
         let tokens = whole.state_tokens() + self.stage.images[1] * INPUT_TOKENS;
-        let kept = if self.recompute { 12 + whole.blocks } else { 12 * whole.blocks };
         let sets = if self.stage.state_gradient { self.stage.sets[1] } else { 1 };
-        let saved = at_once * sets * (kept * tokens * whole.width + 3 * whole.texels());
+        let kept = if self.recompute { 12 + sets * whole.blocks } else { sets * 12 * whole.blocks };
+        let saved = at_once * (kept * tokens * whole.width + (2 + sets) * whole.texels());
         (4 * (weights + saved) + self.most_blocks() * self.block * OBJECT_BYTES) as u64
     }
 

@@ -17,9 +17,9 @@
 //! `--updates` draws for the second set ([`Stage::with_updates`]): at least two sets of two to five images
 //! (otherwise three to six), and targets that are not in the first set. Without it, targets are images near
 //! the first set, those of it included, and in stage 1 a second set has a quarter of the weight of the
-//! losses.
+//! losses, half with `--last-set-only`.
 //!
-//! Every set of an object is compared, and the state before it is a constant. `--last-set` compares the last
+//! Every set of an object is compared, and the state before it is a constant. `--last-set-only` compares the last
 //! set alone; `--state-gradient` lets gradients flow through the state. The paper states neither.
 //!
 //! In its first `--shape-steps` a stage compares signed distances and renders nothing; such a step takes
@@ -115,13 +115,13 @@ pub struct Stage {
     /// Whether gradients flow through the state, from the losses of a set to the sets before it.
     pub state_gradient: bool,
     /// Whether the last set of an object is the only one that is compared.
-    pub last_set: bool,
+    pub last_set_only: bool,
     /// Whether albedo is compared as it is, not up to one factor per object.
     pub absolute_albedo: bool,
     /// Factor on the weight of roughness and metallic.
     pub material: f32,
-    /// Weight of normals: those of the head, and in stage 3 those of the surface.
-    pub normal: f32,
+    /// Weight of the normal head; numerical normals have 1.
+    pub normal_weight: f32,
 }
 
 /// Names of the stages, in order.
@@ -156,10 +156,10 @@ impl Stage {
             shape_steps: 0,
             updates: false,
             state_gradient: false,
-            last_set: false,
+            last_set_only: false,
             absolute_albedo: false,
             material: 1.0,
-            normal: 1.0,
+            normal_weight: 1.0,
         };
         let whole = |steps, rates, inverse_beta, first_object| Self {
             light: [0.25, 0.375, 0.375],
@@ -244,7 +244,7 @@ impl Stage {
             ("--points", self.points),
             ("--distances", self.distances),
             ("--material-weight", self.material),
-            ("--normal-weight", self.normal),
+            ("--normal-weight", self.normal_weight),
         ] {
             if !(0.0..=1e4).contains(&weight) {
                 return refuse(name, "0 to 10 000", weight.to_string());
@@ -335,8 +335,8 @@ impl Stage {
         if self.state_gradient {
             all["state_gradient"] = json!(true);
         }
-        if self.last_set {
-            all["last_set"] = json!(true);
+        if self.last_set_only {
+            all["last_set_only"] = json!(true);
         }
         if self.stops && !self.is_last {
             all["stops"] = json!(true);
@@ -347,8 +347,8 @@ impl Stage {
         if self.material != 1.0 {
             all["material"] = json!(self.material);
         }
-        if self.normal != 1.0 {
-            all["normal"] = json!(self.normal);
+        if self.normal_weight != 1.0 {
+            all["normal_weight"] = json!(self.normal_weight);
         }
         all
     }

@@ -6,21 +6,23 @@ use super::*;
 use crate::tape::Grads;
 
 const TINY: Config =
-    Config { blocks: 1, width: 16, heads: 2, plane_tokens: 2, embed_tokens: 1, channels: 4, ..Config::SMALL };
+    Config { blocks: 1, width: 16, heads: 2, plane_tokens: 2, embed_tokens: 2, channels: 4, ..Config::SMALL };
+/// Weight of a set.
+const THIRD: f32 = 1.0 / 3.0;
 
-/// Compares losses and gradients of a step of two sets with difference quotients, by which sets are compared
-/// and whether gradients flow through the state.
+/// Compares losses and gradients of a step of three sets of a model with panoramas with difference quotients, by
+/// which sets are compared and whether gradients flow through the state.
 #[test]
-fn gradients_of_two_sets_are_difference_quotients_with_a_detached_state_and_through_it() {
+fn gradients_of_three_sets_are_difference_quotients_with_a_detached_state_and_through_it() {
     let stage = Stage {
-        sets: [2, 2],
+        sets: [3, 3],
         samples: 64,
         target: [64, 16],
         inverse_beta: [200.0; 2],
-        ..Stage::named("1b").expect("a name")
+        ..Stage::named("2a").expect("a name")
     };
-    let settings = |state_gradient: bool, last_set: bool| Settings {
-        stage: Stage { state_gradient, last_set, ..stage.clone() },
+    let settings = |state_gradient: bool, last_set_only: bool| Settings {
+        stage: Stage { state_gradient, last_set_only, ..stage.clone() },
         optimizer: Kind::AdamW,
         head_rate: 1.0,
         seed: 0,
@@ -39,8 +41,8 @@ fn gradients_of_two_sets_are_difference_quotients_with_a_detached_state_and_thro
     let object = Object::new(&draws, &config, 0, 0, &usual.pool).expect("valid");
     let params = usual.params.clone();
     let rendering = stage.rendering(0);
-    // The losses of both sets; with `states` given, these enter the sets.
-    let of = |params: &Params, states: Option<&[Vec<f32>; 2]>| {
+    // The losses of all sets; with `states` given, these enter the sets.
+    let of = |params: &Params, states: Option<&[Vec<f32>; 3]>| {
         let ready = Ready::new(config, params);
         let mut state = ready.no_state();
         let (mut losses, mut entered) = (Vec::new(), Vec::new());
@@ -48,39 +50,42 @@ fn gradients_of_two_sets_are_difference_quotients_with_a_detached_state_and_thro
             let before = states.map_or(&state, |states| &states[set]).clone();
             let next = ready.read(&before, inputs, None).0;
             let field = ready.decode(&next, rendering, object.placement);
-            losses.push(object.losses(&field, 0.5, &stage).expect("finite").loss);
+            losses.push(object.losses(&field, THIRD, &stage).expect("finite").loss);
             entered.push(before);
             state = next;
         }
         (losses, entered)
     };
-    let (both, entered) = of(&params, None);
-    let states: [Vec<f32>; 2] = entered.try_into().expect("two sets");
-    assert!(states[0].iter().all(|x| *x == 0.0) && states[1].iter().any(|x| *x != 0.0), "a state");
-    assert!(both.iter().all(|x| *x > 0.01), "{both:?}");
+    let (all, entered) = of(&params, None);
+    let states: [Vec<f32>; 3] = entered.try_into().expect("three sets");
+    assert!(states[0].iter().all(|x| *x == 0.0) && states[2].iter().any(|x| *x != 0.0), "a state");
+    assert!(all.iter().all(|x| *x > 0.01), "{all:?}");
     let ready = Ready::new(config, &params);
-    for (state_gradient, last_set) in [(false, false), (true, false), (false, true), (true, true)] {
-        let own = settings(state_gradient, last_set);
+    for (state_gradient, last_set_only) in [(false, false), (true, false), (false, true), (true, true)] {
+        let own = settings(state_gradient, last_set_only);
         let training = Training::new(own, TINY, None, &source).expect("valid");
         let (losses, mut gradients) =
             training.losses(&ready, std::slice::from_ref(&object), 0, &mut ()).expect("finite");
-        let [first, second] = if last_set { [0.0, 2.0] } else { [1.0, 1.0] };
-        let what = format!("state gradient {state_gradient}, last set alone {last_set}");
-        assert_eq!(losses, [first * both[0] + second * both[1]], "{what}: the mean over the compared sets");
+        let weights = if last_set_only { [0.0, 0.0, 3.0] } else { [1.0; 3] };
+        let mean = |losses: &[f32]| {
+            losses.iter().zip(weights).fold(0.0, |sum, (loss, weight)| sum + weight * f64::from(*loss))
+        };
+        let what = format!("state gradient {state_gradient}, last set alone {last_set_only}");
+        let found = f64::from(losses[0]) / mean(&all) - 1.0;
+        assert!(found.abs() < 1e-6, "{what}: the mean over the compared sets, {found}");
         let Grads(mut g) = ready.finish(gradients.remove(0));
         // Those of the layer that makes the state.
         g.retain(|name, _| name.starts_with("norm/"));
         let square = g.values().flatten().fold(0.0, |s, g| s + f64::from(*g) * f64::from(*g));
         let length = square.sqrt();
-        let slope = |states: Option<&[Vec<f32>; 2]>| {
+        let slope = |states: Option<&[Vec<f32>; 3]>| {
             let moved = |h: f64| {
                 let mut params = params.clone();
                 for (name, g) in &g {
                     let array = params.get_mut(name).expect("a parameter");
                     array.iter_mut().zip(g).for_each(|(x, g)| *x += (h * f64::from(*g) / length) as f32);
                 }
-                let losses = of(&params, states).0;
-                f64::from(first) * f64::from(losses[0]) + f64::from(second) * f64::from(losses[1])
+                mean(&of(&params, states).0)
             };
             (moved(1e-3) - moved(-1e-3)) / 2e-3
         };
