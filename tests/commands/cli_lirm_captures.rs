@@ -302,7 +302,7 @@ fn a_configuration_file_makes_other_models() {
     assert_eq!(of("first_values"), "scaled", "what the file does not say is as in small");
     assert_eq!(
         (of("state_gradient"), of("last_set_only"), of("normal_weight")),
-        (true.into(), Value::Null, 2.into())
+        (true.into(), Value::Null, 2.0.into())
     );
     let next =
         json(&line(&format!("lirm train --stage 2a --from tri --last-set-only --out next {short}")), dir);
