@@ -305,6 +305,7 @@ impl Config {
 
 #[cfg(test)]
 mod tests {
+    use super::super::params::count;
     use super::*;
 
     #[test]
@@ -318,6 +319,10 @@ mod tests {
             (all / 1e12 - 115.0).abs() < 5.0 && (attention / 1e12 - 96.0).abs() < 2.0,
             "{all} {attention}"
         );
+        // A reconstruction from them took 3.76 GiB (benches/record/2026-11-26-lirm.md); the estimate is not below.
+        let whole = Config { is_whole: true, ..paper };
+        let estimate = whole.memory(count(&whole), 16_384) as f64 / f64::from(1 << 30);
+        assert!((3.76..4.2).contains(&estimate), "{estimate} GiB");
     }
 
     #[test]
