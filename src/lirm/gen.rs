@@ -26,7 +26,6 @@ use crate::num::par;
 use crate::num::rng::{self, Rng};
 use crate::scene::from_data_gen;
 use crate::scene::light::Lights;
-use crate::scene::mesh::Object;
 use crate::shade::render::{Passes, Scene, Settings as Tracing, render};
 use crate::shade::{exposure, sensor::Sensor};
 use crate::{Error, Result};
@@ -132,15 +131,12 @@ impl Job<'_> {
         let (shots, protocol) = shots(settings, k);
         let (mut records, mut rendered) = (Vec::new(), 0);
         for version in versions {
-            let lights = lights(light.as_ref().filter(|_| version.is_under_map()));
-            let gloss = subject.gloss(settings.seed, k);
-            let shiny: Option<Object> = version.is_shiny().then(|| subject.with_roughness(gloss));
-            let object = shiny.as_ref().unwrap_or(&subject.object);
-            let scene = Scene::new(object, &bvh, &lights)?;
-            let capture = Capture { settings, k, scene: &scene, exposed: version.is_under_map() };
             let header = header(self.record, k, version);
             let recorder = Recorder::open(&folder.join(version.name()), header, self.resume)?;
-            let (digest, count) = capture.shoot(recorder, &shots, self.stop, &mut || made(version.name()))?;
+            let (digest, count) =
+                captured(settings, k, version, &subject, &bvh, light.as_ref(), |capture| {
+                    capture.shoot(recorder, &shots, self.stop, &mut || made(version.name()))
+                })?;
             rendered += count;
             let mut record = json!({
                 "folder": version.name(),
@@ -148,7 +144,7 @@ impl Job<'_> {
                 "digest": hex(digest),
             });
             if version.is_shiny() {
-                record["roughness_factor"] = json!(f64::from(gloss));
+                record["roughness_factor"] = json!(f64::from(subject.gloss(settings.seed, k)));
             }
             records.push(record);
         }
@@ -186,16 +182,33 @@ pub(super) fn in_memory(
 ) -> Result<Vec<(Shot, RenderedImage)>> {
     let light = if version.is_under_map() { Some(Light::new(settings, k)?) } else { None };
     let bvh = Bvh::build(&subject.object.mesh.positions, &subject.object.mesh.triangles);
-    let lights = lights(light.as_ref());
-    let shiny = version.is_shiny().then(|| subject.with_roughness(subject.gloss(settings.seed, k)));
-    let scene = Scene::new(shiny.as_ref().unwrap_or(&subject.object), &bvh, &lights)?;
-    let capture = Capture { settings, k, scene: &scene, exposed: version.is_under_map() };
     let (shots, _) = shots(settings, k);
-    let one = |(i, shot): (usize, Shot)| {
-        let image = capture.render(i, &shot)?;
-        Ok((shot, image))
-    };
-    shots.into_iter().enumerate().map(one).collect()
+    captured(settings, k, version, subject, &bvh, light.as_ref(), |capture| {
+        let one = |(i, shot): (usize, Shot)| {
+            let image = capture.render(i, &shot)?;
+            Ok((shot, image))
+        };
+        shots.into_iter().enumerate().map(one).collect()
+    })
+}
+
+/// Calls `f` with one version of object `k`.
+///
+/// # Errors
+/// That of `f`, or if the object or its light is invalid.
+fn captured<T>(
+    settings: &Settings,
+    k: u64,
+    version: Version,
+    subject: &Subject,
+    bvh: &Bvh,
+    light: Option<&Light>,
+    f: impl FnOnce(&Capture<'_>) -> Result<T>,
+) -> Result<T> {
+    let lights = lights(light.filter(|_| version.is_under_map()));
+    let shiny = version.is_shiny().then(|| subject.with_roughness(subject.gloss(settings.seed, k)));
+    let scene = Scene::new(shiny.as_ref().unwrap_or(&subject.object), bvh, &lights)?;
+    f(&Capture { settings, k, scene: &scene, exposed: version.is_under_map() })
 }
 
 /// The light of a version: the object's map, or a white dome.
