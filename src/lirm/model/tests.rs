@@ -113,38 +113,36 @@ fn gradients_are_difference_quotients_with_and_without_recomputation() {
     assert_eq!(both[0], both[1], "the same bits");
     let c = [&c[0][..], &c[1][..]];
     let (made, state_bar) = &both[0];
-    for (name, gradient) in made.0.iter().filter(|(name, _)| !name.starts_with("heads/")) {
-        let direction = numbers(900, gradient.len());
+    // Compares a gradient, along numbers of a seed, with the quotient of values that are moved along them.
+    let check = |name: &str, gradient: &[f32], seed: u64, moved: &dyn Fn(&[f32]) -> f64| {
+        let direction = numbers(seed, gradient.len());
         let along = gradient.iter().zip(&direction).fold(0.0, |s, (g, d)| s + f64::from(*g) * f64::from(*d));
-        let moved = |h: f32| {
-            let mut params = params.clone();
-            let array = params.get_mut(name).expect("a parameter");
-            array.iter_mut().zip(&direction).for_each(|(x, d)| *x += h * d);
-            value(&params, &state, &views, c)
-        };
         let h = 2e-3;
-        let quotient = (moved(h) - moved(-h)) / (2.0 * f64::from(h));
+        let at = |h: f32| moved(&direction.iter().map(|d| h * d).collect::<Vec<_>>());
+        let quotient = (at(h) - at(-h)) / (2.0 * f64::from(h));
         let size = gradient.iter().fold(0.0, |s, g| s + f64::from(*g) * f64::from(*g)).sqrt();
         assert!((along - quotient).abs() < 0.02 * size + 1e-3, "{name}: {along} {quotient}, length {size}");
         assert!(size > 0.0, "{name} has a gradient");
+    };
+    for (name, gradient) in made.0.iter().filter(|(name, _)| !name.starts_with("heads/")) {
+        let gradient = gradient.as_slice().expect("contiguous");
+        check(name, gradient, 900, &|change| {
+            let mut params = params.clone();
+            let array = params.get_mut(name).expect("a parameter");
+            array.iter_mut().zip(change).for_each(|(x, d)| *x += d);
+            value(&params, &state, &views, c)
+        });
         if name.ends_with("qkv/bias") {
             // A number that is added to all keys changes no softmax.
-            let parts = gradient.as_slice().expect("contiguous").chunks(gradient.len() / 3);
-            let has: Vec<bool> = parts.map(|part| part.iter().any(|g| *g != 0.0)).collect();
+            let has: Vec<bool> =
+                gradient.chunks(gradient.len() / 3).map(|part| part.iter().any(|g| *g != 0.0)).collect();
             assert_eq!(has, [true, false, true], "{name}: of queries, keys and values");
         }
     }
-    let direction = numbers(901, state.len());
-    let along = state_bar.iter().zip(&direction).fold(0.0, |s, (g, d)| s + f64::from(*g) * f64::from(*d));
-    let moved = |h: f32| {
-        let state: Vec<f32> = state.iter().zip(&direction).map(|(x, d)| x + h * d).collect();
+    check("the state that was read", state_bar, 901, &|change| {
+        let state: Vec<f32> = state.iter().zip(change).map(|(x, d)| x + d).collect();
         value(&params, &state, &views, c)
-    };
-    let h = 2e-3;
-    let quotient = (moved(h) - moved(-h)) / (2.0 * f64::from(h));
-    let size = state_bar.iter().fold(0.0, |s, g| s + f64::from(*g) * f64::from(*g)).sqrt();
-    assert!((along - quotient).abs() < 0.02 * size + 1e-3, "the state: {along} {quotient}, length {size}");
-    assert!(size > 0.0, "the state that was read has a gradient");
+    });
 }
 
 #[test]
