@@ -31,7 +31,7 @@
 //! plain one. Its texels are those of a trained model, three times as large as first ones, and a head with
 //! first weights of gain 2 would begin at the ends of its range (metallic at 10⁻⁴, with a gradient of as
 //! much). So the new heads begin with values of the trained ones: albedo as the colour head, material with
-//! its hidden layers and a last layer of 0 (½ everywhere), ρ with a last layer of 0; where albedo and material
+//! its hidden layers and a last layer of 0 (½ everywhere), ρ with a last layer of 0. Where albedo and material
 //! have another number of hidden layers than the colour head, both begin with its first ones and a last layer
 //! of 0. The colour head's
 //! columns for the embedding begin at half of their first values: with 0, panoramas would get no gradient

@@ -12,8 +12,8 @@
 //! passes come first, then the adjoints from the last set to the first: the gradient of an object is then
 //! that of its loss as a function of the weights, and a state is trained for the sets that follow it too.
 //!
-//! The loss of an object is the mean over its sets, or with [`Stage::last_set_only`] that of its last set; earlier
-//! ones are then not rendered.
+//! The loss of an object is the mean over its sets, or with [`Stage::last_set_only`] that of its last set;
+//! earlier ones are then not rendered.
 
 use super::Training;
 use super::object::{Object, ObjectLoss};

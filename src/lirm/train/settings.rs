@@ -95,4 +95,30 @@ mod tests {
             assert_eq!(settings.most_blocks(), most, "batches of {batch}, blocks of {block}, {uses} uses");
         }
     }
+
+    #[test]
+    fn gradients_through_the_state_keep_what_the_blocks_of_all_sets_save() {
+        let stage = Stage::named("2a").expect("a name");
+        let of = |state_gradient: bool, recompute: bool| {
+            let settings = Settings {
+                stage: Stage { state_gradient, ..stage.clone() },
+                optimizer: Kind::AdamW,
+                head_rate: 1.0,
+                seed: 0,
+                batch: 8,
+                block: 1,
+                uses: 12,
+                at_once: 1,
+                recompute,
+                average_last: 0,
+            };
+            settings.memory(&Config::SMALL)
+        };
+        let config = Config { is_whole: true, ..Config::SMALL };
+        let array = 4 * ((config.state_tokens() + 6 * INPUT_TOKENS) * config.width) as u64;
+        let texels = 4 * config.texels() as u64;
+        // Two more sets: twelve arrays of all tokens per block and set, with recomputation one.
+        assert_eq!(of(true, false) - of(false, false), 2 * (12 * 6 * array + texels));
+        assert_eq!(of(true, true) - of(false, true), 2 * (6 * array + texels));
+    }
 }

@@ -19,7 +19,7 @@
 //! the first set, those of it included, and in stage 1 a second set has a quarter of the weight of the
 //! losses, half with `--last-set-only`.
 //!
-//! Every set of an object is compared, and the state before it is a constant. `--last-set-only` compares the last
+//! By default every set of an object is compared, and the state before it is a constant. `--last-set-only` compares the last
 //! set alone; `--state-gradient` lets gradients flow through the state. The paper states neither.
 //!
 //! In its first `--shape-steps` a stage compares signed distances and renders nothing; such a step takes
