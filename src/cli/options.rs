@@ -100,6 +100,7 @@ const RUN: &[&str] = &[
 /// Options that `-h` leaves out.
 const RARE: &[&str] = &[
     "absolute-albedo",
+    "added",
     "allow-outside",
     "animate",
     "appearances",

@@ -304,12 +304,15 @@ fn a_configuration_file_makes_other_models() {
         (of("state_gradient"), of("last_set_only"), of("normal_weight")),
         (true.into(), Value::Null, 2.0.into())
     );
-    let next =
-        json(&line(&format!("lirm train --stage 2a --from tri --last-set-only --out next {short}")), dir);
+    let next = json(
+        &line(&format!("lirm train --stage 2a --from tri --last-set-only --added 1 --out next {short}")),
+        dir,
+    );
     assert_eq!(
         (&next["settings"]["last_set_only"], &next["settings"]["state_gradient"]),
         (&true.into(), &Value::Null)
     );
+    assert_eq!((&next["settings"]["added"], &tri["settings"]["added"]), (&1.0.into(), &Value::Null));
     assert_eq!(next["settings"]["whole"], true);
     assert_eq!(next["settings"]["material_layers"], 2);
     // The layers of `paper` in their full width, with fewer blocks and tokens: a file, which reads images.

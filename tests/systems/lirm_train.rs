@@ -7,7 +7,7 @@ use lastlight::lirm::model::file::digest;
 use lastlight::lirm::model::params::{extended, first};
 use lastlight::lirm::train::distances::Distances;
 use lastlight::lirm::train::optimizer::{Kind, LATER};
-use lastlight::lirm::train::source::{BuiltInObjects, Source};
+use lastlight::lirm::train::source::{BuiltInObjects, Scene, Source};
 use lastlight::lirm::train::stage::{Stage, USES};
 use lastlight::lirm::train::stored::StoredSet;
 use lastlight::lirm::train::{Settings, Training};
@@ -24,11 +24,12 @@ use std::sync::atomic::AtomicBool;
 struct Kept {
     of: BuiltInObjects,
     made: Mutex<BTreeMap<(u64, Version), Views>>,
+    added: Mutex<BTreeMap<(u64, Version, bool), [Scene; 2]>>,
 }
 
 impl Kept {
     fn new() -> Self {
-        Self { of: BuiltInObjects::new(0), made: Mutex::default() }
+        Self { of: BuiltInObjects::new(0), made: Mutex::default(), added: Mutex::default() }
     }
 }
 
@@ -49,6 +50,16 @@ impl Source for Kept {
 
     fn record(&self) -> String {
         self.of.record()
+    }
+
+    fn added(&self, k: u64, version: Version, is_compared: bool) -> lastlight::Result<[Scene; 2]> {
+        let mut made = self.added.lock().expect("no panic");
+        if let Some(scenes) = made.get(&(k, version, is_compared)) {
+            return Ok(scenes.clone());
+        }
+        let scenes = self.of.added(k, version, is_compared)?;
+        made.insert((k, version, is_compared), scenes.clone());
+        Ok(scenes)
     }
 }
 
@@ -99,6 +110,8 @@ fn every_kind_of_stage_has_one_digest() {
     let shape = Settings { stage: Stage { shape_steps: 3, ..distances.stage.clone() }, ..distances.clone() };
     let own = settings("1b", 5);
     let updates = Settings { stage: own.stage.clone().with_updates(), ..own };
+    let changed = Stage { added: 0.5, ..updates.stage.clone() }.with_distances(10.0);
+    let changed = Settings { stage: changed, ..updates.clone() };
     // Objects of one to three sets.
     let own = settings("2a", 5);
     let through = Settings { stage: Stage { state_gradient: true, ..own.stage.clone() }, ..own.clone() };
@@ -110,6 +123,7 @@ fn every_kind_of_stage_has_one_digest() {
         ("1a with signed distances alone in three steps", shape),
         ("1a with Muon", muon),
         ("1b with draws for the second set", updates),
+        ("1b with objects that are added", changed),
         ("2a with gradients through the state", through),
         ("2a with the last set alone", last),
         ("1a, averaged over three steps", Settings { average_last: 3, ..settings("1a", 5) }),
@@ -132,7 +146,7 @@ fn every_kind_of_stage_has_one_digest() {
     all.push(of(Settings { seed: 1, ..settings("1a", 5) }));
     all.sort();
     all.dedup();
-    assert_eq!(all.len(), 12, "each kind has other weights, and so have other draws");
+    assert_eq!(all.len(), 13, "each kind has other weights, and so have other draws");
 }
 
 #[test]
@@ -163,6 +177,7 @@ fn a_resumed_training_is_the_uninterrupted_one() {
         };
         let others = [
             ("batch", Settings { batch: 1, ..own.clone() }),
+            ("added", changed(&|stage| stage.added = 0.5)),
             ("state_gradient", changed(&|stage| stage.state_gradient = true)),
             ("last_set_only", changed(&|stage| stage.last_set_only = true)),
             ("normal_weight", changed(&|stage| stage.normal_weight = 2.0)),
@@ -232,6 +247,7 @@ fn a_stage_goes_on_after_its_first_part() {
         ("--shape-steps", Settings { stage: shape, ..settings("1a", 40) }),
         ("--head-rate", Settings { head_rate: 2.0, ..settings("1a", 40) }),
         ("--updates", Settings { stage: settings("1a", 40).stage.with_updates(), ..settings("1a", 40) }),
+        ("--added", changed(&|stage| stage.added = 0.5)),
         ("--state-gradient", changed(&|stage| stage.state_gradient = true)),
         ("--last-set-only", changed(&|stage| stage.last_set_only = true)),
         ("--normal-weight", changed(&|stage| stage.normal_weight = 2.0)),
@@ -450,6 +466,9 @@ fn objects_of_a_set_are_those_in_memory() {
     let stored = StoredSet::open(dir.path(), &stage).expect("a set");
     let e = StoredSet::open(dir.path(), &whole).expect_err("no maps").to_string();
     assert!(e.contains("environment") && e.contains("--lighting both"), "{e}");
+    let e = StoredSet::open(dir.path(), &Stage { added: 0.5, ..stage.clone() }).expect_err("one scene each");
+    assert!(e.to_string().contains("--added"), "{e}");
+    assert!(stored.added(0, Version::Uniform, false).is_err());
     let [a, b] = [stored.object(3, Version::Uniform), of.object(0, Version::Uniform)]
         .map(|x| x.expect("object 3 mod 1"));
     let colors = |views: &Views| views.all.iter().map(|v| v.picture.color.clone()).collect::<Vec<_>>();

@@ -50,7 +50,7 @@ const OPTIMIZERS: &Choices =
   lastlight lirm train --stage 1a --shape-steps 600 --distances 60 --optimizer muon --rate 1e-3 --objects-at-once 200 --iterations 2000 --until 600 --out s1a
                                                             the first part of the included weights
 
-Objects are rendered in memory with the pixels of lirm gen (20 images of 128x128 with 8 samples per pixel); each is in --uses steps, turned about the vertical by a drawn angle (with axes of the first image this changes nothing but rounding). The defaults (adamw, renders from the first step, no signed distances) are not the recipe of the included model: trainings that began with renders hardly used their cameras. Its commands are in reference/weights/README.md. A step of eight objects takes 3 to 5 seconds on two cores of a Zen 4, 13 on a Zen 1, and with --updates 7.5 on an Emerald Rapids; about one and a half times as long in stages 2a and 2b, and more than twice as long in stage 3: a stage takes hours. With 200 objects in memory it needs 5.4 GiB; the command prints its estimate first. Written to --out: model.safetensors (half precision, for --from), a checkpoint, result.json and report/index.html. The number of threads changes the time, not the result.")]
+Objects are rendered in memory with the pixels of lirm gen (20 images of 128x128 with 8 samples per pixel); each is in --uses steps, turned about the vertical by a drawn angle (with axes of the first image this changes nothing but rounding). The defaults (adamw, renders from the first step, no signed distances) are not the recipe of the included model: trainings with Muon that began with renders hardly used their cameras. Its commands are in reference/weights/README.md. A step of eight objects takes 3 to 5 seconds on two cores of a Zen 4, 13 to 15 on a Zen 1, and with --updates 7.5 on an Emerald Rapids; about one and a half times as long in stages 2a and 2b, and more than twice as long in stage 3: a stage takes hours. With 200 objects in memory it needs 5.4 GiB; the command prints its estimate first. Written to --out: model.safetensors (half precision, for --from), a checkpoint, result.json and report/index.html. The number of threads changes the time, not the result.")]
 pub(crate) struct Args {
     /// Set of lirm gen to train on, 20 images of 128x128 per object [default: built-in objects, rendered in memory]
     #[arg(value_name = "DIR")]
@@ -90,6 +90,10 @@ pub(crate) struct Args {
     /// Emphasise later sets: at least two sets of two to five images per object, and targets that are not in the first set
     #[arg(long)]
     updates: bool,
+    /// Part of the objects to which another one is added after the first set, in images, targets and distances; the object is then at half its size
+    /// beside it
+    #[arg(long, value_name = "X", default_value_t = 0.0)]
+    added: f64,
     /// Let gradients flow through the state, from the losses of a set to the sets before it; needs the memory of all sets
     #[arg(long)]
     state_gradient: bool,
@@ -158,6 +162,7 @@ impl Args {
         stage.room = self.room.unwrap_or(stage.room);
         stage.tint[1] = self.tint.unwrap_or(stage.tint[1]);
         stage.points = self.points;
+        stage.added = self.added;
         stage.state_gradient = self.state_gradient;
         stage.last_set_only = self.last_set_only;
         stage.absolute_albedo = self.absolute_albedo;

@@ -35,7 +35,7 @@ impl Fuse {
 /// point p from a ray is, but for a term with (p·d)², |c|² − 2 p·c + |p|²: with c in the token, the product
 /// of a query and a key has the second term already. With the moment m, c = d × m is made of products of
 /// coordinates, which layers have to learn first. A replica uses its cameras sooner with c; in the program's
-/// own training c alone changed nothing so far (chapter `small_model` of the book).
+/// own training c alone did not make it use its cameras (chapter `small_model` of the book).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Rays {
     /// Unit direction d and moment m = o × d: Plücker coordinates, as published.

@@ -59,6 +59,9 @@ pub struct Part {
     /// Whether draws were those for the second set.
     #[serde(default, skip_serializing_if = "is_false")]
     pub updates: bool,
+    /// Part of the objects to which another one was added after the first set.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub added: Option<f64>,
     /// Whether gradients flowed through the state.
     #[serde(default, skip_serializing_if = "is_false")]
     pub state_gradient: bool,
@@ -183,6 +186,7 @@ mod tests {
             distances: 0.1,
             shape_steps: 0,
             updates: false,
+            added: Some(0.5),
             state_gradient: true,
             last_set_only: false,
             absolute_albedo: true,

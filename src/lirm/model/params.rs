@@ -28,9 +28,9 @@
 //!
 //! A plain model has heads for distance, colour and normal; a whole one also reads photos, and has heads for
 //! albedo, material and ρ, and a colour head that reads the embedding. [`extended`] makes a whole model of a
-//! plain one. Its texels are those of a trained model, three times as large as first ones, and a head with
-//! first weights of gain 2 would begin at the ends of its range (metallic at 10⁻⁴, with a gradient of as
-//! much). So the new heads begin with values of the trained ones: albedo as the colour head, material with
+//! plain one. Its texels are those of a trained model, 3.6 times as large as first ones, and a head with
+//! first weights of gain 2 would begin at the ends of its range (metallic at 4·10⁻⁵, with a slope of
+//! 3·10⁻⁴). So the new heads begin with values of the trained ones: albedo as the colour head, material with
 //! its hidden layers and a last layer of 0 (½ everywhere), ρ with a last layer of 0. Where albedo and material
 //! have another number of hidden layers than the colour head, both begin with its first ones and a last layer
 //! of 0. The colour head's

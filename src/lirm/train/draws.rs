@@ -7,8 +7,8 @@ use crate::num::rng::Rng;
 
 /// Order of the objects of a block; the step is the number of the order.
 const ORDER: u16 = 0x0551;
-/// Light of an object; the item is the object.
-const LIGHT: u16 = 0x0552;
+/// Of an object, which is the item: draw 0 its light, 1 whether another one is added.
+const OBJECT: u16 = 0x0552;
 /// Of a place in a batch: draw 0 the turn, 1 the brightness, 2 the number of sets, from 3 on their sizes,
 /// from [`TINT`] on the tint, from [`ROOM`] on size and place in the box.
 const PLACE: u16 = 0x0553;
@@ -83,9 +83,14 @@ impl Draws<'_> {
 
     /// The version of an object.
     pub(super) fn version(&self, object: u64) -> Version {
-        let u = Rng::new(self.seed).uniform_f64(object, 0, LIGHT, 0);
+        let u = Rng::new(self.seed).uniform_f64(object, 0, OBJECT, 0);
         let [first, second, _] = self.stage.light;
         Version::ALL[if u < first { 0 } else { 1 + usize::from(u >= first + second) }]
+    }
+
+    /// Whether another object is added to one after its first set.
+    pub(super) fn is_added(&self, object: u64) -> bool {
+        Rng::new(self.seed).uniform_f64(object, 0, OBJECT, 1) < self.stage.added
     }
 
     /// The choices for place `j` of a step.
@@ -195,6 +200,10 @@ mod tests {
         for (found, expected) in shares.into_iter().zip(stage.light) {
             assert!((found as f64 / 4000.0 - expected).abs() < 0.025, "{shares:?} of 4 000");
         }
+        assert!((0..4000).all(|k| !draws.is_added(k)));
+        let some = Stage { added: 0.3, ..stage.clone() };
+        let added = (0..4000).filter(|k| Draws { stage: &some, ..draws }.is_added(*k)).count();
+        assert!((added as f64 / 4000.0 - 0.3).abs() < 0.025, "{added} of 4 000");
         let mut turns: Vec<f64> = (0..200).map(|step| draws.choice(step, 0).turn).collect();
         turns.sort_by(f64::total_cmp);
         turns.dedup();

@@ -7,7 +7,8 @@
 //! source    objects by index: rendered in memory                             stored    the same, from the folder of a set
 //! optimizer AdamW, or Muon for matrices
 //! draws    which object, how turned, which views, in a step
-//! object   inputs and crops of one object, their losses and adjoints                    sets      sets of images in turn, and the state between them
+//! object   inputs of one object                 truth    what its fields are compared with, losses and adjoints
+//! sets     sets of images in turn, and the state between them
 //!
 //! one step, of `batch` objects, `at_once` of them at a time:
 //!   draws ──► object: sets of input images, four target crops
@@ -47,6 +48,7 @@ pub mod stage;
 pub mod stored;
 #[cfg(test)]
 mod tests;
+mod truth;
 
 use self::draws::Draws;
 use self::object::Object;
@@ -216,6 +218,7 @@ impl<'a> Training<'a> {
             ("--tint", json!(part.tint), json!(own.tint)),
             ("--shape-steps", json!(part.shape_steps), json!(own.shape_steps)),
             ("--updates", json!(part.updates), json!(own.updates)),
+            ("--added", json!(part.added), json!(own.added)),
             ("--state-gradient", json!(part.state_gradient), json!(own.state_gradient)),
             ("--last-set-only", json!(part.last_set_only), json!(own.last_set_only)),
             ("--absolute-albedo", json!(part.absolute_albedo), json!(own.absolute_albedo)),
@@ -261,6 +264,7 @@ impl<'a> Training<'a> {
             distances: s.stage.distances,
             shape_steps: s.stage.shape_steps,
             updates: s.stage.updates,
+            added: Some(s.stage.added).filter(|x| *x > 0.0),
             state_gradient: s.stage.state_gradient,
             last_set_only: s.stage.last_set_only,
             absolute_albedo: s.stage.absolute_albedo,

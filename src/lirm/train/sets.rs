@@ -16,8 +16,9 @@
 //! earlier ones are then not rendered.
 
 use super::Training;
-use super::object::{Object, ObjectLoss};
+use super::object::Object;
 use super::stage::Stage;
+use super::truth::ObjectLoss;
 use crate::Result;
 use crate::field::render::InBar;
 use crate::fit::training::Watch;
@@ -82,7 +83,7 @@ impl Sets<'_> {
             let sets = if self.stage.last_set_only { 1 } else { object.sets.len() };
             let weight = 1.0 / (self.batch * sets) as f32;
             let field = self.ready.decode(&read[i].0, self.rendering, object.placement);
-            let loss = object.losses(&field, weight, self.stage)?;
+            let loss = object.truth(set).losses(&field, weight, self.stage)?;
             Ok(Some((field, loss)))
         });
         let compared = compared.into_iter().collect::<Result<Vec<_>>>()?;
@@ -102,7 +103,7 @@ impl Sets<'_> {
     fn pull(&self, read: Vec<SetPass>, state_bars: &mut [Vec<f32>], watch: &mut dyn Watch) -> Vec<Gradients> {
         let bars: Vec<Option<InBar>> = par::map(read.len(), |i| {
             let (field, loss) = read[i].compared.as_ref()?;
-            Some(self.objects[read[i].object].pull(field, loss))
+            Some(self.objects[read[i].object].truth(read[i].set).pull(field, loss))
         });
         watch.lap("adjoint of the render");
         let later: Vec<Vec<f32>> = read.iter().map(|x| std::mem::take(&mut state_bars[x.object])).collect();

@@ -50,7 +50,9 @@ impl Settings {
         let sets = if self.stage.state_gradient { self.stage.sets[1] } else { 1 };
         let kept = if self.recompute { 12 + sets * whole.blocks } else { sets * 12 * whole.blocks };
         let saved = at_once * (kept * tokens * whole.width + (2 + sets) * whole.texels());
-        (4 * (weights + saved) + self.most_blocks() * self.block * OBJECT_BYTES) as u64
+        // A scene that changes has the images of two.
+        let scenes = (1.0 + self.stage.added) * (self.most_blocks() * self.block) as f64;
+        (4 * (weights + saved)) as u64 + (scenes * OBJECT_BYTES as f64) as u64
     }
 
     /// The blocks of objects that a step is in, at most: the places of a batch are consecutive uses of
@@ -120,5 +122,25 @@ mod tests {
         // Two more sets: twelve arrays of all tokens per block and set, with recomputation one.
         assert_eq!(of(true, false) - of(false, false), 2 * (12 * 6 * array + texels));
         assert_eq!(of(true, true) - of(false, true), 2 * (6 * array + texels));
+    }
+
+    #[test]
+    fn a_scene_that_changes_has_the_images_of_two() {
+        let of = |added: f64| {
+            let settings = Settings {
+                stage: Stage { added, ..Stage::named("1b").expect("a name") },
+                optimizer: Kind::AdamW,
+                head_rate: 1.0,
+                seed: 0,
+                batch: 8,
+                block: 200,
+                uses: 12,
+                at_once: 8,
+                recompute: false,
+                average_last: 0,
+            };
+            settings.memory(&Config::SMALL)
+        };
+        assert_eq!(of(0.5) - of(0.0), 100 * OBJECT_BYTES as u64);
     }
 }

@@ -18,6 +18,12 @@ use std::fmt::Debug;
 /// Samples per pixel.
 const SAMPLES: u32 = 8;
 
+/// Number of the first object that is added to others; that of object k is k more.
+const FIRST_ADDED: u64 = 1 << 20;
+
+/// Images, and points with signed distances (empty where they are not compared).
+pub type Scene = (Views, Distances);
+
 /// Where the objects of a training come from.
 pub trait Source: Sync + Debug {
     /// The images of object `k` in one of its versions.
@@ -34,6 +40,19 @@ pub trait Source: Sync + Debug {
 
     /// What decides the objects, for checkpoints.
     fn record(&self) -> String;
+
+    /// A scene that changes: object `k` at half its size on one side, without and with another object on the
+    /// other side. Points with distances are there if `is_compared`.
+    ///
+    /// # Errors
+    /// If the source has no such scenes, or the objects cannot be made.
+    fn added(&self, k: u64, version: Version, is_compared: bool) -> Result<[Scene; 2]> {
+        let _ = (version, is_compared);
+        Err(Error::input("--added")
+            .at(format!("object {k}"))
+            .expected("0 where objects are not rendered in memory")
+            .got(self.record()))
+    }
 }
 
 /// Built-in objects, rendered in memory with the pixels of `lirm gen`.
@@ -78,13 +97,29 @@ impl Source for BuiltInObjects {
             self.settings.seed
         )
     }
+
+    fn added(&self, k: u64, version: Version, is_compared: bool) -> Result<[Scene; 2]> {
+        let s = &self.settings;
+        let before = Subject::new(s, k)?.on_side(-1.0);
+        let after = before.clone().with(&Subject::new(s, FIRST_ADDED + k)?.on_side(1.0))?;
+        let scene = |subject: &Subject| {
+            let distances = if is_compared {
+                Distances::of(&subject.object.mesh, s.seed, k)?
+            } else {
+                Distances::default()
+            };
+            Ok((Views::of_subject(s, k, version, subject)?, distances))
+        };
+        Ok([scene(&before)?, scene(&after)?])
+    }
 }
 
 /// The objects of the current block.
 #[derive(Debug)]
 pub(super) struct Pool<'a> {
     source: &'a dyn Source,
-    objects: BTreeMap<u64, (Views, Distances)>,
+    /// One scene per object, or those without and with another object.
+    objects: BTreeMap<u64, Vec<Scene>>,
 }
 
 impl<'a> Pool<'a> {
@@ -103,11 +138,17 @@ impl<'a> Pool<'a> {
         let missing: Vec<u64> = needed.into_iter().filter(|k| !self.objects.contains_key(k)).collect();
         let made = par::map(missing.len(), |i| {
             let k = missing[i];
-            let mut views = self.source.object(k, draws.version(k))?;
+            let (version, is_compared) = (draws.version(k), draws.stage.distances > 0.0);
+            let mut scenes = if draws.is_added(k) {
+                self.source.added(k, version, is_compared)?.to_vec()
+            } else {
+                let distances = if is_compared { self.source.distances(k)? } else { Distances::default() };
+                vec![(self.source.object(k, version)?, distances)]
+            };
             // Nothing compares with it.
-            views.all.iter_mut().for_each(|view| view.picture.passes.radiance = None);
-            let is_compared = draws.stage.distances > 0.0;
-            Ok((views, if is_compared { self.source.distances(k)? } else { Distances::default() }))
+            let views = scenes.iter_mut().flat_map(|(views, _)| &mut views.all);
+            views.for_each(|view| view.picture.passes.radiance = None);
+            Ok(scenes)
         });
         for (k, object) in missing.into_iter().zip(made) {
             self.objects.insert(k, object.map_err(|e: Error| e.within(format!("object {k}")))?);
@@ -115,11 +156,12 @@ impl<'a> Pool<'a> {
         Ok(())
     }
 
-    /// An object that [`Self::fill`] has made.
+    /// The scenes of an object that [`Self::fill`] has made: one for all sets, or that of the first set and
+    /// that of those after it.
     ///
     /// # Panics
     /// Panics if it has not.
-    pub(super) fn get(&self, k: u64) -> &(Views, Distances) {
+    pub(super) fn get(&self, k: u64) -> &[Scene] {
         &self.objects[&k]
     }
 }

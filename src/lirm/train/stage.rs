@@ -19,11 +19,15 @@
 //! the first set, those of it included, and in stage 1 a second set has a quarter of the weight of the
 //! losses, half with `--last-set-only`.
 //!
+//! In a part of the scenes the object is at half its size on one side, and another one is on the other side
+//! in all sets but the first, in targets too (`--added`, 0 by default). LIRM trains on objects that do not
+//! change; a model that has seen nothing else keeps a scene as it was.
+//!
 //! By default every set of an object is compared, and the state before it is a constant. `--last-set-only` compares the last
 //! set alone; `--state-gradient` lets gradients flow through the state. The paper states neither.
 //!
 //! In its first `--shape-steps` a stage compares signed distances and renders nothing; such a step takes
-//! three quarters of the time. A training that began so used its cameras, those before it hardly did; they
+//! two thirds to three quarters of the time. A training that began so used its cameras, those with Muon before it hardly did; they
 //! differ in more than this (chapter `small_model`).
 //!
 //! The rate rises linearly over the first hundred steps (twenty in stage 3) to the first number, and falls
@@ -41,7 +45,7 @@
 //! model that is trained on them as they are learns brightness and no hue (chapter `small_model` of the
 //! book). The tint is uniform in 0..0.85 (stages 2 and 3: 0..0.6), so that a quarter to two fifths of the
 //! objects keep all channels within a tenth of each other: a model that has seen strongly tinted objects
-//! alone hardly finds bright grey ones before a white background.
+//! alone probably finds bright grey ones badly before a white background.
 
 use crate::lirm::model::decode::{EARLY_STOP, LEAST_WEIGHT, Rendering};
 use crate::lirm::model::origin::Part;
@@ -112,6 +116,8 @@ pub struct Stage {
     pub shape_steps: usize,
     /// Whether draws are those for the second set ([`Self::with_updates`]).
     pub updates: bool,
+    /// Part of the objects to which another one is added after the first set.
+    pub added: f64,
     /// Whether gradients flow through the state, from the losses of a set to the sets before it.
     pub state_gradient: bool,
     /// Whether the last set of an object is the only one that is compared.
@@ -155,6 +161,7 @@ impl Stage {
             distances: 0.0,
             shape_steps: 0,
             updates: false,
+            added: 0.0,
             state_gradient: false,
             last_set_only: false,
             absolute_albedo: false,
@@ -239,6 +246,9 @@ impl Stage {
         }
         if !(0.0..=1.0).contains(&self.tint[1]) {
             return refuse("--tint", "0 to 1", self.tint[1].to_string());
+        }
+        if !(0.0..=1.0).contains(&self.added) {
+            return refuse("--added", "0 to 1", self.added.to_string());
         }
         for (name, weight) in [
             ("--points", self.points),
@@ -332,6 +342,9 @@ impl Stage {
         if self.updates {
             all["updates"] = json!(true);
         }
+        if self.added > 0.0 {
+            all["added"] = json!(self.added);
+        }
         if self.state_gradient {
             all["state_gradient"] = json!(true);
         }
@@ -409,6 +422,8 @@ mod tests {
         for strongest in [-0.1, 1.1, f64::NAN] {
             let e = Stage { tint: [0.0, strongest], ..all[0].clone() }.validate().expect_err("no part");
             assert!(e.to_string().contains("--tint"), "{e}");
+            let e = Stage { added: strongest, ..all[0].clone() }.validate().expect_err("no part");
+            assert!(e.to_string().contains("--added"), "{e}");
         }
         assert!(all.iter().all(|s| s.images == [3, 6] && s.is_whole == (s.light == maps)));
         let short = Stage { steps: 100, ..all[0].clone() };

@@ -93,6 +93,11 @@ impl StoredSet {
         if let Some((name, _)) = needed.iter().find(|(name, is_needed)| *is_needed && !has(name)) {
             return Err(named(&format!("the pass {name}, which stage {} compares", stage.name), "none"));
         }
+        if stage.added > 0.0 {
+            let e =
+                Error::input("--added").expected("0 for the objects of a set").got(stage.added.to_string());
+            return Err(e.hint("the objects that are rendered in memory can be added to each other"));
+        }
         if stage.distances > 0.0 && settings["truth"] != true {
             return Err(named("the shape of every object, for --distances", "a set without truth"));
         }

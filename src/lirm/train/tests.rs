@@ -14,8 +14,10 @@ const THIRD: f32 = 1.0 / 3.0;
 /// which sets are compared and whether gradients flow through the state.
 #[test]
 fn gradients_of_three_sets_are_difference_quotients_with_a_detached_state_and_through_it() {
+    // With an object that is added, later sets are compared with another truth.
     let stage = Stage {
         sets: [3, 3],
+        added: 1.0,
         samples: 64,
         target: [64, 16],
         inverse_beta: [200.0; 2],
@@ -50,7 +52,7 @@ fn gradients_of_three_sets_are_difference_quotients_with_a_detached_state_and_th
             let before = states.map_or(&state, |states| &states[set]).clone();
             let next = ready.read(&before, inputs, None).0;
             let field = ready.decode(&next, rendering, object.placement);
-            losses.push(object.losses(&field, THIRD, &stage).expect("finite").loss);
+            losses.push(object.truth(set).losses(&field, THIRD, &stage).expect("finite").loss);
             entered.push(before);
             state = next;
         }

@@ -2,8 +2,8 @@
 //!
 //! Mirrors are pixels with roughness at most 0.25 and metallic at least 0.5 under a map, in the smoother
 //! version of the objects. A score of mirrors, and of the rest of the same images, is the dB of an object's mean
-//! squared error over all images that show enough of both. Mirrors have more contrast than the rest, so every
-//! method loses there: the nearest input is scored on the same pixels.
+//! squared error over all images that show enough of both. Mirrors may have more contrast than the rest, so the
+//! nearest input is scored on the same pixels.
 //!
 //! Detail is the sum of squared differences between neighbouring pixels of a row inside the foreground, of the
 //! render divided by that of the truth: 1 for an image as sharp as the truth, 0 for a plain one; it is measured

@@ -32,6 +32,7 @@ fn model(parts: &[usize]) -> NamedModel {
         distances: 0.0,
         shape_steps: 0,
         updates: false,
+        added: None,
         absolute_albedo: false,
         material: None,
         normal_weight: None,

@@ -10,7 +10,7 @@
 //! | hexa NDE, second seed | other first values and draws |
 //!
 //! All are trained under the light and with the colours of stage 2: on signed distances alone in the first
-//! third of the steps (trainings that began with renders hardly used their cameras, chapter `small_model` of
+//! third of the steps (trainings with Muon that began with renders hardly used their cameras, chapter `small_model` of
 //! the book), then on all heads too. 1/β goes from 30 to 120, and opaque rays end; Muon, batches of eight,
 //! objects of random size and place in the box as in stage 1a. Targets are images that are not in the first
 //! set. All have the same objects, lights and order, but for the second seed; with updates a step has 1.5
