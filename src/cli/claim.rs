@@ -83,6 +83,21 @@ pub(crate) fn check(dir: &Path, resume: bool, force: bool) -> Result<()> {
     take(dir)
 }
 
+/// Refuses to resume in a folder with files of which none has one of these names: a run has written none of them.
+///
+/// # Errors
+/// When it is such a folder, or cannot be read.
+pub(crate) fn is_of(dir: &Path, names: &[&str]) -> Result<()> {
+    if atomic::is_unused(dir)? || names.iter().any(|name| dir.join(name).exists()) {
+        return Ok(());
+    }
+    Err(Error::input("--out")
+        .at(dir.display().to_string())
+        .expected(format!("an empty folder, or that of an interrupted run, with {}", names.join(" or ")))
+        .got("a folder with other files")
+        .hint("choose another folder; --force instead of --resume replaces files of the same name"))
+}
+
 /// [`check`], and the folder.
 ///
 /// # Errors
@@ -138,6 +153,10 @@ mod tests {
         );
         folder(&out, true, false).expect("resumed");
         folder(&out, false, true).expect("forced");
+        is_of(&out, &["y", "x"]).expect("x is there");
+        is_of(&killed, &["x"]).expect("empty");
+        let e = is_of(&out, &["y"]).expect_err("other files").to_string();
+        assert!(e.contains("with y") && e.contains("other files"), "{e}");
         assert!(folder(&out.join("x"), false, true).is_err(), "a file is no folder");
         assert!(file(&out.join("x"), false).is_err(), "exists");
         file(&out.join("x"), true).expect("forced");

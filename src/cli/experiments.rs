@@ -5,13 +5,13 @@ use crate::console as cli;
 use crate::experiment::{
     self, AROUND, Cell, Chart, Experiment, Observer, Outcome, Report, Results, RunOptions, Summary,
 };
-use crate::io::atomic;
+use crate::io::{self, atomic};
 use crate::meter::{Laps, Meter};
 use crate::num::par;
 use crate::report::bars::{bars, intervals};
 use crate::report::charts::{Lines, Series};
 use crate::report::{self, Page, Section, Stat};
-use crate::{Result, like, version};
+use crate::{Error, Result, claim, like, version};
 use maud::{Markup, html};
 use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
@@ -106,6 +106,30 @@ pub(crate) const SCALES: &Choices = &[
     ("quick", "small sizes and few seeds or objects: minutes, not evidence"),
     ("smoke", "smallest sizes: a test that everything runs"),
 ];
+
+/// Checks that a folder which is continued is that of a study of this scale; gives the names of the experiments in its record, if it has one.
+///
+/// # Errors
+/// When it holds other files only, or a study of another scale.
+pub(crate) fn resumed(dir: &Path, scale: &str) -> Result<Vec<String>> {
+    claim::is_of(dir, &[RECORD, SECONDS, "cells", "trainings"])?;
+    let path = dir.join(RECORD);
+    if !path.is_file() {
+        return Ok(Vec::new());
+    }
+    let bytes = io::read_bytes(&path, io::MAX_SMALL_FILE_BYTES)?;
+    let record = io::json::parse(&bytes, &path.display().to_string())?;
+    match record["sizes"].as_str() {
+        Some(sizes) if sizes != scale => Err(Error::input("--scale")
+            .expected(format!("{sizes}, as in {}", path.display()))
+            .got(scale)
+            .hint("choose another folder for another scale")),
+        _ => {
+            let all = record["experiments"].as_array().into_iter().flatten();
+            Ok(all.filter_map(|x| x["id"].as_str().map(str::to_owned)).collect())
+        }
+    }
+}
 
 /// What sizes other than the study's are worth.
 pub(crate) fn warning(scale: &str) -> Option<&'static str> {

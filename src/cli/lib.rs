@@ -161,11 +161,14 @@ enum Command {
   lastlight mesh compare truth.obj reconstruction.glb"
     )]
     Mesh(mesh::Command),
-    /// Relightable objects from photos (LIRM); so far its training data
+    /// Relightable objects from a few photos (LIRM): reconstruct one, improve it with more, train the model
     #[command(
         subcommand,
         after_help = "Examples:
-  lastlight lirm gen --out train --objects 100"
+  lastlight lirm gen --cameras test --size 128 --seed 2 --out unseen
+  lastlight lirm reconstruct unseen/object_00000/uniform --inputs 0017,0025,0035,0043 --out r1
+  lastlight lirm update r1 unseen/object_00000/uniform --inputs 0020,0029,0038,0046 --out r2
+  lastlight field mesh r2 --out mesh.glb"
     )]
     Lirm(lirm::Command),
     /// Run operators on your arrays, compare arrays, write reference arrays

@@ -188,6 +188,10 @@ impl Watch for Meter {
         }
     }
 
+    fn count(&mut self, done: usize, total: usize, what: &str) {
+        Self::count(self, done, total, what);
+    }
+
     fn is_checkpoint_due(&mut self) -> bool {
         self.last_checkpoint.elapsed() >= Duration::from_secs(CHECKPOINT_SECONDS)
     }

@@ -168,6 +168,7 @@ const RARE: &[&str] = &[
     "normal-weight",
     "order",
     "plane-rate",
+    "points",
     "pose-network",
     "radius",
     "rate",
@@ -206,8 +207,18 @@ const RARE: &[&str] = &[
 ];
 
 /// Commands whose record `--like` takes.
-pub(crate) const RECORDED: &[&str] =
-    &["demo", "splat fit", "last pretrain", "last fit", "last study", "field fit"];
+pub(crate) const RECORDED: &[&str] = &[
+    "demo",
+    "splat fit",
+    "last pretrain",
+    "last fit",
+    "last study",
+    "field fit",
+    "lirm train",
+    "lirm reconstruct",
+    "lirm update",
+    "lirm study",
+];
 
 /// Commands whose result is a model: theirs is the heading `Model` where others have `Method`.
 const FITS: &[&str] = &["splat fit", "last pretrain", "last tune", "last fit", "field fit"];

@@ -137,7 +137,19 @@ impl Outcome {
 }
 
 /// Names of folders that say nothing without the folder that contains them.
-const GENERIC: [&str; 8] = ["video", "images", "train", "test", "data", "capture", "dataset", "views"];
+const GENERIC: [&str; 11] = [
+    "video",
+    "images",
+    "train",
+    "test",
+    "data",
+    "capture",
+    "dataset",
+    "views",
+    "uniform",
+    "environment",
+    "shiny",
+];
 
 /// A capture by name: its folder, that of its `transforms.json`, or the last two folders where the last one is generic, such as `0` or `video`.
 pub(super) fn name(capture: &Path) -> String {

@@ -40,6 +40,9 @@ impl Frame {
     /// Those of [`claim::folder`].
     pub(crate) fn claim(out: &Path, filling: &OutputArgs, checkpoint_every: u32) -> Result<Self> {
         let dir = claim::folder(out, filling.resume, filling.force)?;
+        if filling.resume {
+            claim::is_of(&dir, &[CHECKPOINT, like::COMMAND])?;
+        }
         let checkpoint_every = checkpoint_every as usize;
         Ok(Self { dir, checkpoint_every, resume: filling.resume, keeps_arguments: true })
     }

@@ -5,7 +5,7 @@ pub use super::paths::{clean, locate};
 pub use super::reading::Reading;
 use super::{camera_path, colmap, transforms};
 use crate::{Error, Result};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// The cameras of a capture, or of a nerfstudio `camera_path.json`: frames in their order, whose images need not be there.
 ///
@@ -88,6 +88,25 @@ fn count_images(path: &Path) -> usize {
     entries.filter(|e| is_image(&e.path())).count()
 }
 
+/// The first capture in the folders of a folder, or in theirs, in the order of their names: generated sets have one per object and light.
+fn captures_inside(path: &Path) -> Option<PathBuf> {
+    let sorted = |path: &Path| {
+        let mut all: Vec<PathBuf> =
+            std::fs::read_dir(path).into_iter().flatten().flatten().map(|e| e.path()).collect();
+        all.sort();
+        all
+    };
+    let is_capture = |path: &PathBuf| {
+        path.join("transforms.json").is_file() || path.join("transforms_train.json").is_file()
+    };
+    let inner = sorted(path);
+    inner
+        .iter()
+        .find(|p| is_capture(p))
+        .cloned()
+        .or_else(|| inner.iter().flat_map(|p| sorted(p)).find(is_capture))
+}
+
 fn not_a_capture(path: &Path) -> Error {
     let name = path.display().to_string();
     if !path.exists() {
@@ -96,6 +115,9 @@ fn not_a_capture(path: &Path) -> Error {
     let e = Error::input(name.clone());
     let layouts =
         "a capture: transforms.json, transforms_train.json, or a COLMAP model (cameras.bin or cameras.txt)";
+    if let Some(inside) = captures_inside(path) {
+        return e.expected(layouts).got("a folder of captures").hint(format!("such as {}", inside.display()));
+    }
     match count_images(path) {
         0 => e.expected(layouts).got("a folder without any of them"),
         n => e.expected(layouts).got(format!("{n} images but no camera poses")).hint(format!(
@@ -121,6 +143,14 @@ mod tests {
         }
         let e = text(&dir.path().join("a.JPG"));
         assert!(e.contains("a.JPG: expected a folder with images") && e.contains("got one image"), "{e}");
+        let set = dir.path().join("set");
+        std::fs::create_dir_all(set.join("object_00000/uniform")).expect("made");
+        std::fs::write(set.join("object_00000/uniform/transforms.json"), "{}").expect("written");
+        for folder in [set.clone(), set.join("object_00000")] {
+            let text = text(&folder);
+            assert!(text.contains("such as") && text.contains("object_00000/uniform"), "{text}");
+        }
+        std::fs::remove_dir_all(set).expect("removed");
         let text = text(dir.path());
         assert!(text.contains("3 images but no camera poses"), "{text}");
         for part in

@@ -80,10 +80,22 @@ fn same_settings(path: &Path, settings_record: &Map<String, Value>) -> Result<Va
     if record["settings"].as_object() == Some(settings_record) {
         return Ok(record);
     }
+    let of = |x: &Value, name: &str| match &x[name] {
+        Value::Null => "none".to_owned(),
+        Value::String(text) => text.clone(),
+        other => other.to_string(),
+    };
+    let own = Value::Object(settings_record.clone());
+    let theirs = record["settings"].as_object().into_iter().flatten().map(|(name, _)| name);
+    let mut names = settings_record.keys().chain(theirs);
+    let (expected, got) = match names.find(|name| record["settings"][name.as_str()] != own[name.as_str()]) {
+        Some(name) => (format!("{name}: {}, as in the set", of(&record["settings"], name)), of(&own, name)),
+        None => ("a set with settings".to_owned(), "none".to_owned()),
+    };
     Err(Error::input("--resume")
         .at(path.display().to_string())
-        .expected("a set generated with the same settings")
-        .got("a set with other settings")
+        .expected(expected)
+        .got(got)
         .hint("choose another folder, or pass the settings of that set"))
 }
 

@@ -15,18 +15,16 @@ use super::model::transformer::Input;
 use super::model::weights::Ready;
 use super::reading::{INPUT_SIDE, check_tokens, inputs};
 use super::views::Views;
-use crate::fit::field::place::{Pose, around, placement, posed, unit_ball, upright};
+use crate::fit::field::place::{Pose, around, placement, posed, unit_ball, upright_beside_z};
 use crate::fit::field::targets::{Picture, Pictures, Target, placed, sees};
 use crate::fit::field::{Scores, score, view};
 use crate::fit::training::Watch;
-use crate::num::par;
+use crate::num::{order, par};
 use crate::scene::camera::Camera;
 use crate::scene::field::{Field, Placement};
 use crate::scene::views::SceneBox;
 use crate::{Error, Result};
 
-/// Cosine of the largest angle between up in the images and z for which a capture is z up: 20°, a choice.
-const LEVEL: f64 = 0.94;
 /// Numbers per pixel of an [`Input`]: image, rays and photo.
 const INPUT_FLOATS: usize = 12;
 /// Numbers per pixel of a copy of an image while its input is made: colours, coverage and photo, as they are and
@@ -82,6 +80,17 @@ pub struct Work {
     pub bytes: u64,
 }
 
+/// An image as the model read it.
+#[derive(Clone, Debug)]
+pub struct ReadImage {
+    /// Its name in the capture.
+    pub name: String,
+    /// Width and height in pixels.
+    pub size: [usize; 2],
+    /// (H, W, 3) encoded colours over white.
+    pub rgb: Vec<f32>,
+}
+
 /// What was made.
 #[derive(Clone, Debug)]
 pub struct Products {
@@ -91,6 +100,8 @@ pub struct Products {
     pub field: Field,
     /// Relative changes of the state by the sets that were read now.
     pub changes: Vec<f64>,
+    /// The images that were read, in order.
+    pub read: Vec<ReadImage>,
     /// Scores of the held-out images.
     pub scored: Vec<Scores>,
     /// Scores of the state before, on the same images; empty if there was none.
@@ -106,18 +117,23 @@ fn belongs(state: &State, model: &Model) -> Result<()> {
     let own = digest(&model.params);
     let [of_state, of_model] = [state.config.json(), model.config.json()];
     let settings = of_state.as_object().into_iter().flatten();
-    if let Some((name, x)) = settings.into_iter().find(|(name, x)| of_model[name.as_str()] != **x) {
-        return Err(Error::input("--model")
-            .at(format!("setting {name}"))
-            .expected(format!("{x}, as in the model of the state"))
-            .got(of_model[name.as_str()].to_string()));
-    }
-    if state.model == own {
+    let other = settings.into_iter().find(|(name, x)| of_model[name.as_str()] != **x);
+    if other.is_none() && state.model == own {
         return Ok(());
     }
-    Err(Error::input("--model")
-        .expected(format!("the model of the state, with the digest {}", state.model))
-        .got(own))
+    let of = |digest: &str, x: Option<&serde_json::Value>| match (&other, x) {
+        (Some((name, _)), Some(x)) => format!("{digest} (setting {name}: {x})"),
+        _ => digest.to_owned(),
+    };
+    let [expected, got] = match &other {
+        Some((name, x)) => [of(&state.model, Some(x)), of(&own, Some(&of_model[name.as_str()]))],
+        None => [of(&state.model, None), of(&own, None)],
+    };
+    Err(Error::input("state")
+        .at("model")
+        .expected(format!("the model that made it, with the digest {expected}"))
+        .got(got)
+        .hint("--model FILE names that model"))
 }
 
 impl Reconstruction<'_> {
@@ -145,7 +161,7 @@ impl Reconstruction<'_> {
         };
         let cameras: Vec<&Camera> = read.iter().map(|p| &p.camera).collect();
         let own = self.model.config.pose;
-        let up = upright(&cameras).filter(|up| pose.is_none() && own == Pose::Azimuth && up[2] < LEVEL);
+        let up = upright_beside_z(&cameras).filter(|_| pose.is_none() && own == Pose::Azimuth);
         let pose = pose.unwrap_or(if up.is_some() { Pose::Upright } else { own });
         let place = posed(placement(&scene), pose, &cameras)?;
         self.check(&place, false)?;
@@ -243,6 +259,13 @@ impl Reconstruction<'_> {
         let set = |some: &Vec<usize>| par::map(some.len(), |k| input(some[k])).into_iter().collect();
         let sets: Vec<Vec<Input>> = self.sets.iter().map(set).collect::<Result<_>>()?;
         watch.lap("inputs");
+        let shown = |(i, input): (&usize, &Input)| ReadImage {
+            name: pictures.pictures[*i].name.clone(),
+            size: input.size,
+            // The background may be beyond white.
+            rgb: input.image.iter().map(|x| order::clamp(0.5 * (x + 1.0), 0.0, 1.0)).collect(),
+        };
+        let read = self.sets.iter().flatten().zip(sets.iter().flatten()).map(shown).collect();
         let ready = Ready::new(model.config, &model.params);
         let first = before.as_ref().map_or_else(|| ready.no_state(), |s| s.tokens.clone());
         let (tokens, changes) = ready.read_all(&first, &sets);
@@ -271,13 +294,19 @@ impl Reconstruction<'_> {
         let targets = pictures.held_out(&place);
         let (seen, held_out): (Vec<&Target>, Vec<&Target>) =
             targets.iter().partition(|t| images.contains(&t.name));
-        let scores = |field: &Field| -> Result<Vec<Scores>> {
+        let is_compared = is_update && !held_out.is_empty();
+        let total = held_out.len() * if is_compared { 2 } else { 1 };
+        let mut scores = |field: &Field, done: usize| -> Result<Vec<Scores>> {
             let cells = view::occupancy(field)?;
-            held_out.iter().map(|t| score(field, &cells, t)).collect()
+            let scored = held_out.iter().enumerate().map(|(i, t)| {
+                watch.count(done + i, total, "scoring held-out images");
+                score(field, &cells, t)
+            });
+            scored.collect()
         };
-        let scored = scores(&field)?;
-        let before = match is_update && !held_out.is_empty() {
-            true => scores(&ready.decode(&first, self.rendering, place))?,
+        let scored = scores(&field, 0)?;
+        let before = match is_compared {
+            true => scores(&ready.decode(&first, self.rendering, place), held_out.len())?,
             false => Vec::new(),
         };
         watch.lap("evaluation");
@@ -291,6 +320,6 @@ impl Reconstruction<'_> {
             images,
             exposure,
         };
-        Ok(Products { state, field, changes, scored, before, again, unscored: seen.len() })
+        Ok(Products { state, field, changes, read, scored, before, again, unscored: seen.len() })
     }
 }

@@ -175,5 +175,5 @@ fn inputs_are_known_by_name_and_bytes() {
     std::fs::write(at("t.obj"), tetrahedron.replace("v 0 0 1", "v 0 0 2")).expect("written");
     let mut again = with("t.obj", "a");
     again.push("--resume");
-    refused(&again, dir.path(), &["--resume", "same settings"]);
+    refused(&again, dir.path(), &["--resume", "as in the set"]);
 }

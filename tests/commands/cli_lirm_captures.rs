@@ -97,7 +97,7 @@ fn a_capture_of_any_scale_is_placed_by_its_foreground_or_by_a_box() {
     State { exposure: 0.4, ..found }.write(&dir.join("dim.safetensors")).expect("written");
     let again = format!("lirm update dim.safetensors photos --model tiny.safetensors {four} --out dim");
     let told = stderr(&lastlight(&line(&again), dir));
-    assert!(told.contains("4 of the images have names of images that the state has read"), "{told}");
+    assert!(told.contains("names of images that the state has read already: 4"), "{told}");
     assert_eq!(State::read(&dir.join("dim")).expect("a state").exposure, 0.4);
     let elsewhere =
         "lirm update dim.safetensors set/object_00000/uniform --model tiny.safetensors --inputs 0000 --out d";

@@ -58,6 +58,16 @@ fn a_model_reads_images_and_more_of_them() {
         &line(&format!("lirm reconstruct {capture} --model m --images-per-set 4 --out r --json -q")),
         dir,
     );
+    let like = json(&line("lirm reconstruct --like r/result.json --out like --json -q"), dir);
+    assert_eq!(like["digest"], one["digest"], "the recorded run again");
+    assert_eq!(one["placement"]["center"], serde_json::json!([0.0, 0.0, 0.0]));
+    let page = std::fs::read_to_string(dir.join("r/report/index.html")).expect("a report");
+    let section = page.split("<section id=\"read\">").nth(1).expect("the images that were read");
+    let section = section.split("</section>").next().expect("its end");
+    assert_eq!(section.matches("<figcaption>").count(), 16, "all of them");
+    let elsewhere = "lirm train --stage 1a --iterations 1 --batch 1 --objects-at-once 1 --out r --resume";
+    refused(&line(elsewhere), dir, 2, &["r: ", "checkpoint.safetensors", "other files"]);
+    assert_eq!(json(&line("lirm reconstruct --like r --out liker --json -q"), dir)["digest"], one["digest"]);
     assert_eq!(one["sets"], serde_json::json!([4, 4, 4, 4]), "sixteen input images");
     assert_eq!(one["evaluation"]["views"].as_array().map(Vec::len), Some(12), "twelve outputs");
     for file in ["field.safetensors", "state.safetensors", "report/index.html", "result.json"] {
@@ -152,7 +162,7 @@ fn a_model_reads_images_and_more_of_them() {
         &line(&format!("lirm update a {capture} --model n --out d")),
         dir,
         2,
-        &["--model", "setting whole", "false, as in the model of the state"],
+        &["--model", "setting whole: false", "setting whole: true"],
     );
     refused(&line(&format!("lirm update a {capture} --model p --out d")), dir, 2, &["--model", "digest"]);
     let first = names[0];
@@ -268,9 +278,18 @@ fn a_study_runs_and_its_report_can_be_made_again() {
     assert_eq!(rows.len(), 5, "{relit}");
     assert!(rows.iter().all(|row| row[1] != "–"), "all five are rendered: {relit}");
     assert_eq!(of("variants")["rows"].as_array().map(Vec::len), Some(9), "five models and four differences");
-    let again =
-        json(&line("lirm study --model m --out s --scale smoke --resume --report-only --json -q"), dir);
+    let again = json(&line("lirm study --model m --out s --scale smoke --report-only --json -q"), dir);
     assert_eq!(again["experiments"], study["experiments"], "from the files");
+    let one = json(&line("lirm study head --model m --out s --scale smoke --resume --json -q"), dir);
+    assert_eq!(one["experiments"], study["experiments"], "those of the command before stay in the report");
+    let other = line("lirm study --model m --out s --report-only");
+    refused(&other, dir, 2, &["--scale", "smoke, as in s/study.json", "full"]);
+    refused(
+        &line("lirm study head --model m --out m --resume"),
+        dir,
+        2,
+        &["m: ", "study.json", "other files"],
+    );
     let listed = json(&line("lirm study list --json"), dir);
     assert_eq!(listed["experiments"].as_array().map(Vec::len), Some(all.len()));
 }

@@ -173,6 +173,8 @@ pub(super) fn run(args: &Args) -> Result<()> {
             digest: None,
             means: &means,
             scored: &scored,
+            read: &[],
+            facts: Vec::new(),
             benchmark: Some(&bench),
             run,
         })?;

@@ -263,6 +263,8 @@ pub(super) fn run(args: &Args) -> Result<()> {
         digest: Some(digest.clone()),
         means: &means,
         scored: &scored,
+        read: &[],
+        facts: Vec::new(),
         benchmark: None,
         run: Run {
             film: Some(&film),

@@ -6,6 +6,7 @@ use crate::fit::field::mesh::{Baked, Base, Normals, Settings, bake};
 use crate::fit::training::Watch;
 use crate::io::memory;
 use crate::meter::Meter;
+use crate::scene::field::Field;
 use crate::scene::model;
 use crate::units::counted;
 use crate::{Error, Result, claim, console as cli};
@@ -103,6 +104,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     }
     let field = read::field(&args.field)?;
     meter.lap("reading");
+    note_no_albedo(&field, &settings, &meter);
     let baked = bake(&field, &settings)?;
     meter.lap("mesh and maps");
     model::write(&args.out, &baked.object)?;
@@ -115,6 +117,13 @@ pub(super) fn run(args: &Args) -> Result<()> {
         }));
     }
     cli::say(&format!("{}: {} ({:.1} s)", args.out.display(), summary(&baked), meter.seconds()))
+}
+
+/// Notes that the colour of a field takes the place of an albedo that it does not have.
+pub(super) fn note_no_albedo(field: &Field, settings: &Settings, meter: &Meter) {
+    if settings.base == Base::Albedo && field.heads.albedo.is_none() {
+        meter.note("the field has no albedo: its colour, with the light of the images in it, becomes the base colour");
+    }
 }
 
 /// Triangles, charts and texels, as text.

@@ -7,6 +7,7 @@ use crate::io::image_file;
 use crate::report::images::{data_uri, error_map};
 use crate::report::run::{Run, decibel, iterations};
 use crate::report::{Page, Section, Stat, table, text};
+use crate::units::counted;
 use crate::{Error, Result, console as cli};
 use maud::html;
 use serde_json::Value;
@@ -14,6 +15,8 @@ use std::path::Path;
 
 /// Largest side of an image in the report, in pixels.
 const SIDE: usize = 320;
+/// Views that are shown.
+const MOST: usize = 8;
 
 /// What is shown.
 pub(crate) struct Input<'a> {
@@ -23,6 +26,10 @@ pub(crate) struct Input<'a> {
     /// See `fit::field::scores::means`.
     pub(crate) means: &'a Value,
     pub(crate) scored: &'a [Scores],
+    /// Images that were read, by name, as data URIs; empty where they are those of a capture as they are.
+    pub(crate) read: &'a [(String, String)],
+    /// What a reader has to know beside the scores: facts of the run, by name.
+    pub(crate) facts: Vec<(&'static str, String)>,
     /// Scores of Stanford-ORB, relit images, shape.
     pub(crate) benchmark: Option<&'a Benchmark>,
     pub(crate) run: Run<'a>,
@@ -47,7 +54,10 @@ const MEANS: [(&str, &str, &str); 11] = [
 pub(crate) fn summary(means: &Value) -> String {
     let lines: Vec<String> = MEANS
         .iter()
-        .filter_map(|(key, name, unit)| Some(format!("{name:18}  {:.4} {unit}", means[*key].as_f64()?)))
+        .filter_map(|(key, name, unit)| {
+            let line = format!("{name:18}  {:.4} {unit}", means[*key].as_f64()?);
+            Some(line.trim_end().to_owned())
+        })
         .collect();
     if lines.is_empty() { "no score: nothing is held out".to_owned() } else { lines.join("\n") }
 }
@@ -83,8 +93,9 @@ pub(crate) fn write_renders(
 pub(crate) fn page(x: &Input<'_>) -> Result<Page> {
     let mut facts = vec![("digest", x.digest.clone().unwrap_or_default())];
     facts.retain(|(_, value)| !value.is_empty());
+    facts.extend(x.facts.iter().cloned());
     facts.extend(x.run.settings.get("seed").map(|seed| ("seed", seed.to_string())));
-    let views = format!("{} views", x.scored.len());
+    let views = counted(x.scored.len(), "view");
     let stat = |label: &'static str, value: Option<String>| {
         value.map(|value| Stat { label, value, note: views.clone() })
     };
@@ -102,6 +113,9 @@ pub(crate) fn page(x: &Input<'_>) -> Result<Page> {
     stats.extend(x.run.history.map(|h| iterations(h, String::new())));
     stats.push(x.run.card());
     let mut sections = Vec::new();
+    if !x.read.is_empty() {
+        sections.push(read(x.read));
+    }
     if !x.scored.is_empty() {
         sections.push(images(x)?);
         sections.push(scores(x));
@@ -129,7 +143,7 @@ pub(crate) fn page(x: &Input<'_>) -> Result<Page> {
 }
 
 fn images(x: &Input<'_>) -> Result<Section> {
-    let shown = x.scored.iter().take(8);
+    let shown = x.scored.iter().take(MOST);
     let mut rows = Vec::new();
     for s in shown {
         let score = &s.image.score;
@@ -139,22 +153,48 @@ fn images(x: &Input<'_>) -> Result<Section> {
             [uri(&s.image.photo)?, uri(&s.image.image)?, uri(&error_map(&s.image.error))?, uri(&normals)?];
         rows.push((format!("{}: {}", score.name, decibel(score.psnr_db)), four));
     }
-    let heads = ["input", "render", "difference", "normals"];
+    let heads = ["image", "render", "difference", "normals"];
+    let more = match x.scored.len() {
+        n if n > MOST => {
+            format!(" The first {MOST} of {n} are shown; all renders are in heldout/ and normals/.")
+        }
+        _ => String::new(),
+    };
     Ok(Section {
         id: "views",
-        title: "Views beside their images",
-        lead: "Input image over white, render of the field, absolute difference, and numerical normals at the surface (x, y, z as red, green, \
-               blue). Pixels that are not scored are black: those that show the object in part, before a background that is not white."
-            .into(),
+        title: "Held-out views",
+        lead: format!(
+            "Views that were not read: image over white, render of the field, absolute difference, and numerical normals at the surface (x, y, z \
+             as red, green, blue). Pixels that are not scored are black: those that show the object in part, before a background that is not \
+             white.{more}"
+        ),
         body: html! {
             @for (name, four) in &rows {
                 p { (name) }
                 div style="display:grid;grid-template-columns:repeat(4,1fr);gap:4px" {
-                    @for (head, uri) in heads.iter().zip(four) { img src=(uri) alt=(format!("{head} of {name}")) style="width:100%"; }
+                    @for (head, uri) in heads.iter().zip(four) {
+                        figure style="margin:0" { img src=(uri) alt=(format!("{head} of {name}")) style="width:100%"; figcaption { (head) } }
+                    }
                 }
             }
         },
     })
+}
+
+/// The images that were read.
+fn read(all: &[(String, String)]) -> Section {
+    Section {
+        id: "read",
+        title: "Images that were read",
+        lead: "As the model read them: cut and shrunk, over white.".into(),
+        body: html! {
+            div style="display:grid;grid-template-columns:repeat(auto-fill,minmax(110px,1fr));gap:4px" {
+                @for (name, uri) in all {
+                    figure style="margin:0" { img src=(uri) alt=(name) style="width:100%"; figcaption { (name) } }
+                }
+            }
+        },
+    }
 }
 
 fn scores(x: &Input<'_>) -> Section {
@@ -192,6 +232,14 @@ fn scores(x: &Input<'_>) -> Section {
         ">roughness",
         ">metallic",
     ];
+    let mean = |key: &str| !x.means[key].is_null();
+    let keys = MEANS.iter().map(|(key, ..)| *key).filter(|key| *key != "mae");
+    let is_there: Vec<bool> = std::iter::once(true).chain(keys.map(mean)).collect();
+    let head: Vec<&str> = head.into_iter().zip(&is_there).filter(|(_, is)| **is).map(|(h, _)| h).collect();
+    let rows: Vec<Vec<_>> = rows
+        .into_iter()
+        .map(|row| row.into_iter().zip(&is_there).filter(|(_, is)| **is).map(|(cell, _)| cell).collect())
+        .collect();
     Section {
         id: "scores",
         title: "Scores per view",

@@ -45,6 +45,7 @@ pub(crate) fn write(path: &Path, images: &Images, form: &FormArgs) -> Result<()>
             return Ok(Subject { object, notes, key: "field_relight", record });
         }
         let field = read::field(path)?;
+        super::mesh::note_no_albedo(&field, &settings, meter);
         let baked = bake(&field, &settings)?;
         meter.note(&super::mesh::summary(&baked));
         let record = Map::from_iter([

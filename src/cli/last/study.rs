@@ -94,8 +94,8 @@ pub(crate) struct Args {
     /// Continue an interrupted study
     #[arg(long, conflicts_with = "force")]
     resume: bool,
-    /// Rebuild the report from existing results
-    #[arg(long, requires = "resume")]
+    /// Rebuild the report from existing results; implies --resume
+    #[arg(long, conflicts_with = "force")]
     report_only: bool,
     #[command(flatten)]
     perception: MetricArgs,
@@ -172,7 +172,11 @@ fn study(args: &Args, out: &Path) -> Result<()> {
     let with_persons = guided.iter().any(|id| args.wants(id));
     let perception = if with_persons { args.perception.load()? } else { None };
     let perception = perception.map(|metric| metric.digest().map(|d| (metric, d))).transpose()?;
-    let dir = claim::folder(out, args.resume, args.replace.force)?;
+    let resume = args.resume || args.report_only;
+    let dir = claim::folder(out, resume, args.replace.force)?;
+    if resume {
+        engine::resumed(&dir, &args.scale)?;
+    }
     let named = models.iter().map(|m| json!({ "graph": m.graph, "digest": m.digest })).collect::<Vec<_>>();
     let options = RunOptions {
         command: "last study",

@@ -6,6 +6,7 @@ use crate::console as cli;
 use crate::fit::training::Watch;
 use crate::io::memory;
 use crate::meter::Meter;
+use crate::units::counted;
 use crate::{Error, Result};
 use lastlight_lirm::evaluate::{self, Control, Order, Protocol, SET};
 use lastlight_lirm::r#gen::Version;
@@ -150,6 +151,11 @@ pub(super) fn run(args: &Args) -> Result<()> {
     }
     let version = Version::named(&args.light).expect("a value of LIGHTS");
     let control = Control::named(&args.control).expect("a value of CONTROLS");
+    if args.sets == 1 && matches!(control, Control::ZeroedState | Control::OtherObject | Control::AtOnce) {
+        return Err(Error::input("--control")
+            .expected("at least two sets: it changes nothing in the first")
+            .got(format!("{} with --sets 1", args.control)));
+    }
     // All images so far in one round, or those of a set.
     let sets = if control == Control::AtOnce { usize::from(args.sets) } else { 1 };
     let tokens = sets * SET * (INPUT_SIDE / PATCH) * (INPUT_SIDE / PATCH);
@@ -188,7 +194,18 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let line = |title: &str, values: Vec<String>| {
         values.iter().fold(format!("{title:<TITLE$}"), |line, x| format!("{line}  {x:>8}"))
     };
-    let mut lines = vec![line("images", rounds().map(|r| r["images"].to_string()).collect())];
+    let what = counted(args.objects as usize, "object");
+    let tint = if args.tint > 0.0 { format!(", tint {}", args.tint) } else { String::new() };
+    let head = format!(
+        "{what} of seed {} from {}, light {}, {} order, control {}{tint}; model {}",
+        args.seed,
+        args.first,
+        args.light,
+        args.input_order,
+        args.control,
+        digest(&model.params)
+    );
+    let mut lines = vec![head, line("images", rounds().map(|r| r["images"].to_string()).collect())];
     for (name, title, digits) in ROWS.iter().filter(|(name, ..)| rounds().any(|r| !r[name].is_null())) {
         let number = |r: &Value| r[name].as_f64().map_or_else(|| "–".to_owned(), |x| format!("{x:.digits$}"));
         lines.push(line(title, rounds().map(number).collect()));

@@ -26,6 +26,9 @@ Examples:
 
 Each object gets a folder with object.json, its truth (object.glb, and environment.exr if it is lit by a map) and one capture per light: transforms.json, images/, foreground/, and by default radiance/, depth/, normal/, albedo/, material/. `mesh render object.glb --env environment.exr` renders it anew. Object k is the same whatever --objects and --first are, so a set can be made in pieces, each in a folder of its own. An interrupted run continues with --resume; --objects may then be larger.";
 
+/// Images per object and light.
+const VIEWS: usize = 32;
+
 /// Values of `--lighting`.
 const LIGHTING: &Choices =
     &[("uniform", "a white dome"), ("environment", "a map per object"), ("both", "each object under both")];
@@ -78,18 +81,18 @@ pub(crate) struct Args {
     /// Lens of egocentric cameras [default: fisheye]
     #[arg(long, value_name = "NAME", value_parser = choices(LENSES))]
     lens: Option<String>,
-    /// Images per object and light, of train and egocentric
-    #[arg(long, value_name = "N", default_value_t = 32)]
-    views: usize,
+    /// Images per object and light, of train and egocentric [default: 32]
+    #[arg(long, value_name = "N")]
+    views: Option<usize>,
     /// Frames of egocentric cameras, which have ten per second, from one image to the next [default: 1]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1000))]
     every: Option<u16>,
     /// Size of the images, which are square: S, or SxS
     #[arg(long, value_name = "S|WxH", default_value = "256", value_parser = choices::square)]
     size: usize,
-    /// How training views frame the object
-    #[arg(long, value_name = "NAME", default_value = "loose", value_parser = choices(FRAMINGS))]
-    framing: String,
+    /// How training views frame the object [default: loose]
+    #[arg(long, value_name = "NAME", value_parser = choices(FRAMINGS))]
+    framing: Option<String>,
     /// Samples per pixel
     #[arg(long, value_name = "N", default_value_t = 64)]
     samples: u32,
@@ -111,21 +114,32 @@ pub(crate) struct Args {
 
 impl Args {
     fn settings(&self) -> Result<Settings> {
+        let unused = |name: &str, expected: &str, hint: String| {
+            Err(Error::input(name).expected(expected).got(format!("--cameras {}", self.cameras)).hint(hint))
+        };
         if let Some(lens) = &self.lens
             && self.cameras != "egocentric"
         {
-            return Err(Error::input("--lens")
-                .expected("--cameras egocentric")
-                .got(format!("--cameras {}", self.cameras))
-                .hint(format!("other cameras are pinhole cameras; leave out --lens {lens}")));
+            let hint = format!("other cameras are pinhole cameras; leave out --lens {lens}");
+            return unused("--lens", "--cameras egocentric", hint);
         }
         if let Some(n) = self.every
             && self.cameras != "egocentric"
         {
-            return Err(Error::input("--every")
-                .expected("--cameras egocentric")
-                .got(format!("--cameras {}", self.cameras))
-                .hint(format!("other cameras do not move; leave out --every {n}")));
+            let hint = format!("other cameras do not move; leave out --every {n}");
+            return unused("--every", "--cameras egocentric", hint);
+        }
+        if let Some(n) = self.views
+            && self.cameras == "test"
+        {
+            let hint = format!("a test set has 48 images; leave out --views {n}");
+            return unused("--views", "--cameras train or egocentric", hint);
+        }
+        if let Some(framing) = &self.framing
+            && self.cameras != "train"
+        {
+            let hint = format!("other cameras are not framed; leave out --framing {framing}");
+            return unused("--framing", "--cameras train", hint);
         }
         let fine = (2 * self.size).clamp(128, 1024);
         let (axes, maps): (Vec<_>, Vec<_>) = self.env.iter().cloned().partition(|m| m == Path::new("axes"));
@@ -147,10 +161,10 @@ impl Args {
             shiny: self.shiny,
             set: Set::named(&self.cameras).expect("a value of CAMERAS"),
             camera: if self.lens.as_deref() == Some("pinhole") { Model::Pinhole } else { Model::Fisheye },
-            views: self.views,
+            views: self.views.unwrap_or(VIEWS),
             every: usize::from(self.every.unwrap_or(1)),
             size: self.size,
-            framing: Framing::named(&self.framing).expect("a value of FRAMINGS"),
+            framing: Framing::named(self.framing.as_deref().unwrap_or("loose")).expect("a value of FRAMINGS"),
             samples: self.samples,
             bounces: self.bounces,
             texture: self.texture.unwrap_or(fine),

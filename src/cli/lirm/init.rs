@@ -5,7 +5,7 @@ use crate::fit::field::place::Pose;
 use crate::io::memory;
 use crate::io::safetensors::Precision;
 use crate::meter::Meter;
-use crate::{Result, claim, console as cli, io};
+use crate::{Error, Result, claim, console as cli, io};
 use lastlight_lirm::model::config::{Config, FirstValues};
 use lastlight_lirm::model::file::{Model, digest};
 use lastlight_lirm::model::params::{count, first};
@@ -103,6 +103,11 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let named = args.choices.config(&args.config)?;
     let config = Config { is_whole: args.whole || named.is_whole, ..named };
     memory::check("lirm init", BYTES * count(&config) as u64)?;
+    if args.out.extension().is_none_or(|ending| ending != "safetensors") {
+        return Err(Error::input("--out")
+            .expected("a name that ends in .safetensors")
+            .got(args.out.display().to_string()));
+    }
     claim::file(&args.out, args.force)?;
     let model = Model { config, params: first(&config, args.seed), training: Vec::new() }.halved();
     model.write(&args.out, Precision::Half)?;

@@ -2,12 +2,14 @@
 //! ([`lastlight_lirm::reconstruct`]), then the results are written.
 
 use crate::field::page;
+use crate::fit::field::HALF_SIZE;
 use crate::fit::field::scores::means;
 use crate::fit::render::flat_name;
 use crate::fit::training::Watch;
 use crate::io::{atomic, memory};
 use crate::meter::Meter;
 use crate::num::gemm::{Finish, View, gemm};
+use crate::report::images::data_uri;
 use crate::report::run::Run;
 use crate::report::{self};
 use crate::scene::field::{FILE as FIELD, Placement};
@@ -16,7 +18,7 @@ use crate::training::RESULT;
 use crate::units::counted;
 use crate::{Result, console as cli, units, version};
 use lastlight_lirm::model::state::FILE as STATE;
-use lastlight_lirm::reconstruct::{Products, Reconstruction, Start};
+use lastlight_lirm::reconstruct::{Products, ReadImage, Reconstruction, Start};
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -103,13 +105,14 @@ impl Job<'_> {
         meter.lap("reading");
         self.announce(meter)?;
         let made = self.reading.run(start, place, meter)?;
+        meter.done();
         if made.again > 0 {
             let n = made.again;
-            meter.note(&format!("{n} of the images have names of images that the state has read already"));
+            meter.note(&format!("images that have names of images that the state has read already: {n}"));
         }
         if made.unscored > 0 {
             meter.note(&format!(
-                "{} of the capture's test images have names of images that were read, and are not scored",
+                "test images of the capture that have names of images that were read, and are not scored: {}",
                 made.unscored
             ));
         }
@@ -133,8 +136,11 @@ impl Job<'_> {
         let views: Vec<Value> = scored.iter().map(|s| s.json()).collect();
         let digest = field.digest()?;
         let held_out_db = means["psnr_db"].as_f64().unwrap_or(f64::NAN);
+        let place = &state.placement;
+        let half_size = f64::from(HALF_SIZE) / place.scale;
         let mut record = json!({
             "kind": self.kind, "lastlight": env!("CARGO_PKG_VERSION"), "digest": digest, "model": state.model, "sets": state.sets, "changes": changes, "exposure": state.exposure,
+            "placement": {"center": place.center, "half_size": half_size, "rotation": place.rotation},
             "arguments": cli::arguments(), "build": version::record(), "settings": self.settings, "seconds": meter.seconds(),
             "evaluation": {"mean": means, "views": views},
         });
@@ -143,12 +149,30 @@ impl Job<'_> {
         }
         atomic::write_bytes(&dir.join(RESULT), format!("{record:#}\n").as_bytes())?;
         let images = self.reading.sets.iter().flatten().count();
+        let [x, y, z] = place.center;
+        let cube = format!("{x:.3},{y:.3},{z:.3} ± {half_size:.3}");
+        let uri = |image: &ReadImage| {
+            let [width, height] = image.size;
+            Ok((image.name.clone(), data_uri(&image.rgb, width, height, width.max(height))?))
+        };
+        let read = made.read.iter().map(uri).collect::<Result<Vec<_>>>()?;
+        let all = counted(state.images.len(), "image");
+        let mut title = format!("Object from {all} of {}", name(self.capture));
+        let mut facts = vec![("model", state.model.clone()), ("box", cube.clone())];
+        if state.sets.len() > self.reading.sets.len() {
+            title += &format!(", {images} of them new");
+        }
+        if let Some(before) = earlier.as_ref().and_then(|means| means["psnr_db"].as_f64()) {
+            facts.push(("before", format!("{before:.2} dB")));
+        }
         let page = page::page(&page::Input {
             kind: self.kind,
-            title: format!("Object from {} of {}", counted(images, "image"), name(self.capture)),
+            title,
             digest: Some(digest.clone()),
             means: &means,
             scored,
+            read: &read,
+            facts,
             benchmark: None,
             run: Run::new(&record["settings"], None, meter, dir, &names),
         })?;
@@ -163,9 +187,10 @@ impl Job<'_> {
         lines.extend([
             format!("images      {images} in {}", counted(self.reading.sets.len(), "set")),
             format!(
-                "change      {} of the state, set by set",
+                "change      {}: length of what each set changed of the state, over that of the state",
                 changes.iter().map(|c| format!("{c:.3}")).collect::<Vec<_>>().join(", ")
             ),
+            format!("box         {cube}"),
             format!("digest      {digest}"),
             format!("time        {}", report::seconds(meter.seconds())),
             format!("field       {}", dir.join(FIELD).display()),

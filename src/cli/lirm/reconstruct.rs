@@ -9,12 +9,20 @@ use crate::fit::field::place::Pose;
 use crate::fit::field::targets::Pictures;
 use crate::meter::Meter;
 use crate::shared::ForceArgs;
+use crate::splat::missing;
 use crate::{Error, Result, claim};
 use lastlight_lirm::model::decode::Rendering;
+use lastlight_lirm::model::file::digest;
 use lastlight_lirm::model::state::State;
 use lastlight_lirm::reconstruct::{Reconstruction, Size, Start};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
+
+/// The first training images of a capture, by name.
+fn some(pictures: &Pictures) -> String {
+    let names = pictures.views.train.iter().take(4).map(|i| pictures.pictures[*i].name.clone());
+    names.collect::<Vec<_>>().join(", ")
+}
 
 /// Which images of a capture are read, and how the result is rendered.
 #[derive(clap::Args)]
@@ -32,7 +40,7 @@ struct Common {
     /// of 64, 128, 192 … pixels are shrunk as a whole to the 64 that the model was trained with, others are cut to 64]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(8..=4096))]
     crop_side: Option<u32>,
-    /// Shrink the images by an integer factor, averaging blocks of pixels, and read them uncropped; the sides must then be multiples of 8
+    /// Shrink the images by an integer factor, averaging blocks of pixels, and read them uncropped unless --crop-side is given; the sides must then be multiples of 8
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=16))]
     downscale: Option<u8>,
     /// Accept absolute paths and `..` in the files of a capture; only for files that you trust
@@ -54,12 +62,13 @@ struct Common {
 /// Reconstruct an object from a few images, without an optimisation.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
-  lastlight lirm reconstruct object/uniform --inputs 0018,0021,0040,0045 --out r1
-  lastlight lirm update r1 object/uniform --inputs 0020,0028,0041,0046 --out r2     with four more images
+  lastlight lirm gen --cameras test --size 128 --seed 2 --out unseen            an object, to try it on
+  lastlight lirm reconstruct unseen/object_00000/uniform --inputs 0017,0025,0035,0043 --out r1
+  lastlight lirm update r1 unseen/object_00000/uniform --inputs 0020,0029,0038,0046 --out r2
   lastlight lirm reconstruct photos --crop-side 64 --out r                      any capture with masks
   lastlight lirm reconstruct photos --crop-side 64 --model s3 --out r           with a model of lirm train
   lastlight field mesh r1 --out mesh.glb                                        as for a fitted field
-  lastlight field eval r1 object/uniform --mesh object/object.glb
+  lastlight field eval r1 unseen/object_00000/uniform --mesh unseen/object_00000/object.glb
 
 Written to --out: field.safetensors (for field mesh, relight and eval), state.safetensors (for lirm update; its size does not depend on the number of images), heldout/, result.json and report/index.html. Images need the object's foreground, as for field fit. Cameras may be pinhole or fisheye.")]
 pub(crate) struct Args {
@@ -80,7 +89,7 @@ pub(crate) struct Args {
 /// Improve a reconstruction with more images.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
-  lastlight lirm update r1 object/uniform --inputs 0020,0028,0041,0046 --out r2
+  lastlight lirm update r1 unseen/object_00000/uniform --inputs 0020,0029,0038,0046 --out r2     after the first example of lirm reconstruct
 
 The state must have been made by the same model. The box of the object stays that of the state.")]
 pub(crate) struct UpdateArgs {
@@ -113,12 +122,10 @@ impl Common {
             let alike: Vec<usize> = (0..all.len()).filter(|i| ends(&all[*i].name, wanted)).collect();
             match alike[..] {
                 [i] => Ok(i),
-                [] => {
-                    let first = all.first().map_or_else(String::new, |p| p.name.clone());
-                    Err(Error::input("--inputs")
-                        .expected(format!("names of the capture, such as {first}"))
-                        .got(wanted.clone()))
-                }
+                [] => Err(Error::input("--inputs")
+                    .expected(format!("names of images that the capture lists, such as {}", some(pictures)))
+                    .got(wanted.clone())
+                    .hint("images that are missing, and those of a transforms_val.json, are not read")),
                 [a, b, ..] => Err(Error::input("--inputs")
                     .expected(format!("a name of one image: {} and {} end so", all[a].name, all[b].name))
                     .got(wanted.clone())),
@@ -174,13 +181,14 @@ fn made(
         Start::Nothing(..) => None,
     };
     let pictures = Pictures::load(capture, &options, exposure)?;
+    missing::note(&pictures.views, &meter);
     let which = args.chosen(&pictures)?;
     if which.is_empty() {
         return Err(Error::input("capture").expected("at least one training image").got("none"));
     }
     let of_set = Ord::max(args.images_per_set.map_or(which.len(), |n| n as usize), 1);
     let mut settings = json!({
-        "capture": capture, "model": name, "inputs": args.inputs, "images_per_set": args.images_per_set, "crop_side": args.crop_side,
+        "capture": capture, "model": name, "model_digest": digest(&model.params), "inputs": args.inputs, "images_per_set": args.images_per_set, "crop_side": args.crop_side,
         "downscale": args.downscale, "ray_samples": args.ray_samples, "inverse_beta": inverse_beta,
     });
     own.iter().for_each(|(name, value)| settings[*name] = value.clone());

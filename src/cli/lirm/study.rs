@@ -72,8 +72,8 @@ pub(crate) struct Args {
     /// Continue an interrupted study
     #[arg(long, conflicts_with = "force")]
     resume: bool,
-    /// Rebuild the report from existing results
-    #[arg(long, requires = "resume")]
+    /// Rebuild the report from existing results; implies --resume
+    #[arg(long, conflicts_with = "force")]
     report_only: bool,
     #[command(flatten)]
     replace: ForceArgs,
@@ -131,18 +131,26 @@ fn study(args: &Args, out: &Path) -> Result<()> {
             false => e,
         })?;
     }
-    let dir = claim::folder(out, args.resume, args.replace.force)?;
+    let resume = args.resume || args.report_only;
+    let dir = claim::folder(out, resume, args.replace.force)?;
+    let earlier = if resume { engine::resumed(&dir, &args.scale)? } else { Vec::new() };
     // A cell uses all threads: several would only share the images of an object.
     let options = RunOptions { command: "lirm study", report_only: args.report_only, jobs: 1 };
     let mut study = Study { dir: dir.clone(), options, meter: &mut meter, reports: Vec::new() };
     let experiments = all(&setup, &dir);
-    let chosen: Vec<&dyn Experiment> = experiments
-        .iter()
-        .map(|x| &**x)
-        .filter(|x| args.ids.is_empty() || args.ids.iter().any(|id| id == x.id()))
-        .collect();
-    let results = study.run(&chosen)?;
-    let mut reports = study.reports;
+    let is_named = |x: &dyn Experiment| args.ids.is_empty() || args.ids.iter().any(|id| id == x.id());
+    // Those of an earlier command stay in the report.
+    let is_kept = |x: &dyn Experiment| earlier.iter().any(|id| id == x.id());
+    let every = || experiments.iter().map(|x| &**x);
+    let named: Vec<&dyn Experiment> = every().filter(|x| is_named(*x)).collect();
+    let kept: Vec<&dyn Experiment> = every().filter(|x| !is_named(*x) && is_kept(*x)).collect();
+    let mut results = study.run(&named)?;
+    study.options.report_only = true;
+    results.extend(study.run(&kept)?);
+    let mut made: Vec<_> = named.into_iter().chain(kept).zip(results).zip(study.reports).collect();
+    made.sort_by_key(|((x, _), _)| every().position(|y| y.id() == x.id()));
+    let (found, mut reports): (Vec<_>, Vec<_>) = made.into_iter().unzip();
+    let (chosen, results): (Vec<&dyn Experiment>, Vec<_>) = found.into_iter().unzip();
     let mut costs = Vec::new();
     for (i, x) in chosen.iter().enumerate().filter(|(_, x)| COSTS.contains(&x.id())) {
         let seconds = engine::durations(&dir, x.folder(), &x.cells());

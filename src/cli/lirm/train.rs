@@ -11,13 +11,14 @@ use crate::report::run::{self, Run};
 use crate::report::{self, Page};
 use crate::shared::{Outcome, OutputArgs};
 use crate::training::{self, CHECKPOINT, Frame, Head, RESULT};
+use crate::units::counted;
 use crate::{Error, Result, claim, units};
 use lastlight_lirm::model::file::{FILE, Model, digest};
 use lastlight_lirm::model::origin::Part;
 use lastlight_lirm::model::params::count;
 use lastlight_lirm::train::optimizer::Kind;
 use lastlight_lirm::train::source::{BuiltInObjects, Source};
-use lastlight_lirm::train::stage::Stage;
+use lastlight_lirm::train::stage::{NAMES, Stage};
 use lastlight_lirm::train::stored::StoredSet;
 use lastlight_lirm::train::{Settings, Training};
 use serde_json::json;
@@ -235,6 +236,17 @@ fn begin_after(part: &Part, stage: &Stage, training: &mut Training<'_>, meter: &
     Ok(())
 }
 
+/// A remark on stages before this one that the model does not have.
+fn skipped(name: &str, before: Option<&Model>) -> Option<String> {
+    let parts = before.map_or(&[][..], |model| &model.training);
+    let is_missing = |stage: &&str| parts.iter().all(|part| part.stage != **stage);
+    let own = NAMES.iter().position(|stage| *stage == name)?;
+    let missing: Vec<&str> = NAMES[..own].iter().copied().filter(is_missing).collect();
+    let model = if before.is_some() { "the model of --from has" } else { "first values (no --from) have" };
+    (!missing.is_empty())
+        .then(|| format!("{model} no stage {}, which are usually trained before {name}", missing.join(", ")))
+}
+
 pub(super) fn run(args: &Args) -> Result<()> {
     let mut meter = Meter::new().of("objects");
     let settings = args.settings()?;
@@ -256,6 +268,9 @@ pub(super) fn run(args: &Args) -> Result<()> {
         Some(stored) => stored,
         None => &rendered,
     };
+    if let Some(note) = skipped(&settings.stage.name, before.as_ref()) {
+        meter.note(&note);
+    }
     let bytes = settings.memory(&config);
     memory::check("lirm train", bytes).map_err(|e| {
         e.hint("--objects-at-once, --gradients-at-once and --recompute lower the estimate, --max-memory raises the limit")
@@ -313,7 +328,7 @@ fn publish(
     };
     let page = page(&args.stage, &digest, &run)?;
     let lines = vec![
-        format!("loss        {mean:.4}, mean of the last {} steps", tail.len()),
+        format!("loss        {mean:.4}, mean of the last {}", counted(tail.len(), "step")),
         format!("digest      {digest}"),
         format!("time        {}", report::seconds(meter.seconds())),
         format!("model       {}", frame.file(FILE).display()),

@@ -3,6 +3,7 @@
 use crate::choices::{PASSES, choices};
 use crate::claim;
 use crate::console as cli;
+use crate::fit::orbit::Orbit;
 use crate::fit::passes::{PassSet, Shot};
 use crate::fit::relight::{self, Exposure, Relight};
 use crate::fit::render::capture_shots;
@@ -117,6 +118,14 @@ pub(super) fn run(args: &Args) -> Result<()> {
     })
 }
 
+/// Where images are taken from.
+enum Cameras {
+    /// The cameras of a capture.
+    Listed(Vec<Shot>),
+    /// A circle, whose size may depend on the object.
+    Around(Orbit),
+}
+
 impl Images {
     fn light(&self) -> Light<'_> {
         Light { env: &self.env, map: &self.map }
@@ -136,12 +145,16 @@ impl Images {
         let exposure = exposure(&self.exposure)?;
         let passes = PassSet::parse(&self.passes)?;
         claim::check(&self.out, self.filling.resume, self.filling.force)?;
+        let seed = self.filling.seed;
+        let lights = Lights { environment: Some(self.light().environment(seed)?), lamps: Vec::new() };
+        let cameras = self.cameras()?;
         let subject = make(&mut meter)?;
         let object = &subject.object;
         subject.notes.iter().for_each(|n| meter.note(&format!("note: {n}")));
-        let seed = self.filling.seed;
-        let lights = Lights { environment: Some(self.light().environment(seed)?), lamps: Vec::new() };
-        let shots = self.shots(object)?;
+        let shots = match cameras {
+            Cameras::Listed(shots) => shots,
+            Cameras::Around(orbit) => relight::around(&object.mesh, &orbit)?,
+        };
         let settings = Settings { samples: self.samples, bounces: self.bounces, seed, ..Settings::default() };
         let job =
             Relight { object, lights: &lights, settings, exposure, transparent: self.transparent, passes };
@@ -190,12 +203,12 @@ impl Images {
         Ok(Map::from_iter([(subject.key.to_owned(), record)]))
     }
 
-    fn shots(&self, object: &Object) -> Result<Vec<Shot>> {
-        let Some(orbit) = self.orbit.parse(&self.cameras, USUAL)? else {
-            let shots = capture_shots(Path::new(&self.cameras), usize::from(self.downscale))?;
-            return Ok(shots.into_iter().map(|s| relight::still(s.name, s.camera)).collect());
-        };
-        relight::around(&object.mesh, &orbit)
+    fn cameras(&self) -> Result<Cameras> {
+        if let Some(orbit) = self.orbit.parse(&self.cameras, USUAL)? {
+            return Ok(Cameras::Around(orbit));
+        }
+        let shots = capture_shots(Path::new(&self.cameras), usize::from(self.downscale))?;
+        Ok(Cameras::Listed(shots.into_iter().map(|s| relight::still(s.name, s.camera)).collect()))
     }
 }
 

@@ -17,7 +17,7 @@ use crate::scene::mesh::Object;
 use crate::scene::model;
 use crate::shade::render::{Passes, Scene, Settings, render};
 use crate::shade::{exposure, tonemap};
-use crate::shared::{ForceArgs, name};
+use crate::shared::ForceArgs;
 use crate::{Result, choices, claim, console as cli};
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -81,7 +81,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let settings = json!({ "size": args.size, "samples": args.samples });
     let run = Run::new(&settings, None, &meter, &args.out, &["result.json"]);
     let made = page::page(&Input {
-        title: format!("The mesh {}", name(&args.file)),
+        title: format!("The mesh {}", args.file.file_name().unwrap_or_default().to_string_lossy()),
         object: &object,
         facts: &found,
         layout: layout.as_ref(),

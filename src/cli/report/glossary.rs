@@ -3,7 +3,7 @@
 use maud::{Markup, html};
 
 /// Names and meanings; a name that is the beginning of another comes after it.
-const TERMS: [(&str, &str); 33] = [
+const TERMS: [(&str, &str); 34] = [
     (
         "PSNR-full-ch",
         "PSNR of the complete image, computed for each colour channel and averaged, in dB. Higher is better.",
@@ -12,6 +12,11 @@ const TERMS: [(&str, &str); 33] = [
     (
         "PSNR-box",
         "PSNR over the pixels of the projected bounding box of the body, in dB: empty background does not count. Higher is better.",
+    ),
+    (
+        "PSNR-A",
+        "PSNR of albedo as Stanford-ORB computes it, in dB: linear values, eroded mask, over the whole image. Higher is better. It is at least that of a \
+         constant of 0.5: many equal values mean that the albedo is worse than this constant.",
     ),
     (
         "PSNR",

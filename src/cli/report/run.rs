@@ -94,7 +94,7 @@ impl<'a> Run<'a> {
             id: "curves",
             title: "Training",
             lead: format!(
-                "Every iteration uses another image, so single losses scatter. The line is the median of consecutive iterations; the band contains \
+                "Every iteration uses other images, so single losses scatter. The line is the median of consecutive iterations; the band contains \
                  the middle 80 % of them.{remark} Images and scores during the training are of held-out views; they do not influence it."
             ),
             body: html! {

@@ -6,7 +6,24 @@ use serde_json::Value;
 
 /// Groups and the beginnings of the names of their settings; the first group that fits has the setting.
 const GROUPS: [(&str, &[&str]); 10] = [
-    ("Input", &["input", "train_", "model", "extent", "scene", "capture", "views", "downscale"]),
+    (
+        "Input",
+        &[
+            "input",
+            "train_",
+            "model",
+            "extent",
+            "scene",
+            "capture",
+            "views",
+            "downscale",
+            "crop",
+            "images_per_set",
+            "state",
+            "box",
+            "field_axes",
+        ],
+    ),
     ("Length and seed", &["iterations", "seed", "steps", "warm_up", "round"]),
     ("Rendering", &["profile", "alpha_max", "antialiased", "background", "random_background", "sh_degree"]),
     ("Learning rates", &["rate_", "lr"]),
@@ -15,10 +32,13 @@ const GROUPS: [(&str, &[&str]); 10] = [
     ("Progressive update", &["progressive", "lambda", "order", "key", "graph_given"]),
     (
         "Factors and graph",
-        &["factor", "mechanism", "reading", "crop", "supervision", "independence_on", "tau", "alpha"],
+        &["factor", "mechanism", "reading", "supervision", "independence_on", "tau", "alpha"],
     ),
     ("Batches", &["batch_"]),
-    ("Gaussians and networks", &["first_", "weights_network", "pose_network"]),
+    (
+        "Gaussians and networks",
+        &["first_light", "first_opacity", "first_scale", "weights_network", "pose_network"],
+    ),
 ];
 /// The group of all other settings.
 const OTHER: &str = "Other";

@@ -110,7 +110,7 @@ impl Config {
         match name {
             "paper" => Ok(Self::PAPER),
             "small" => Ok(Self::SMALL),
-            other => Err(Error::input("configuration").expected("small, paper or a .json file").got(other)),
+            other => Err(Error::input("--config").expected("small, paper or a .json file").got(other)),
         }
     }
 

@@ -239,7 +239,7 @@ impl Stage {
             return refuse("--iterations", "at least one", self.steps.to_string());
         }
         if self.rates.iter().any(|r| !(0.0..=1.0).contains(r)) {
-            return refuse("--rate", "0 to 1", format!("{:?}", self.rates));
+            return refuse("--rate", "0 to 1", self.rates[0].to_string());
         }
         if !(0.0..1.0).contains(&self.room) {
             return refuse("--room", "0 or more, below 1", self.room.to_string());

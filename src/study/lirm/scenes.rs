@@ -226,7 +226,7 @@ impl Experiment for Head<'_> {
             chart_labels: ["fisheye − pinhole, dB", ""],
             chart: Chart::Intervals(vec![("16 images".into(), d)]),
             outcome: Outcome::Reported,
-            verdict: format!("Fisheye beside pinhole {} dB.", shown(&d, 2)),
+            verdict: format!("Fisheye − pinhole: {} dB.", shown(&d, 2)),
         }
     }
 }

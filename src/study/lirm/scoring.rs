@@ -370,7 +370,7 @@ fn of_controls(x: &Scoring<'_>, results: &[(Cell, Values)]) -> Report {
         chart: curves(results, false),
         outcome: Outcome::of(are_complete(x, results, "psnr_db_2").then_some(met)),
         verdict: format!(
-            "The second set gains {} dB; the zeroed state costs {}, permuted cameras {}, another object {}. Exchanged colours raise the error of the mean colour by {colors:.3}.{is_empty}",
+            "The second set gains {} dB; the zeroed state costs {}, permuted cameras {}, another object {}. Exchanged colours change the error of the mean colour by {colors:+.3}.{is_empty}",
             shown(&gain, 2),
             shown(&zeroed, 2),
             shown(&permuted, 2),

@@ -92,6 +92,11 @@ pub trait Watch {
         let _ = (done, total, step);
     }
 
+    /// `done` of `total` pieces of work without a loss are complete.
+    fn count(&mut self, done: usize, total: usize, what: &str) {
+        let _ = (done, total, what);
+    }
+
     /// Whether it is time for a checkpoint, however many iterations have passed. The lap `checkpoint` follows when it is written.
     fn is_checkpoint_due(&mut self) -> bool {
         false

@@ -179,6 +179,24 @@ pub fn upright(cameras: &[&Camera]) -> Option<[f64; 3]> {
     up(&directions)
 }
 
+/// Largest angle between z and the mean upright direction of cameras around an object: 20°, a choice.
+const LEVEL: f64 = 0.94;
+/// Largest angle between z and the mean upright direction of cameras that are not rolled about z: 60°, a choice.
+const STEEP: f64 = 0.5;
+/// Largest mean square of the sine of that roll: 20°, a choice.
+const ROLL: f64 = 0.117;
+
+/// The direction that is upright in the images, if they contradict that z is up.
+///
+/// Pitch does not: a camera that is held level and looks down at an object is upright about a direction that is
+/// tilted by its pitch, and only around the object does the mean become z. So z is up if it is within 20° of that
+/// mean, or within 60° where the horizontal axes of the cameras are level (within 20°, root mean square).
+pub fn upright_beside_z(cameras: &[&Camera]) -> Option<[f64; 3]> {
+    let square = |c: &&Camera| f64::from(c.rotation[0][2]) * f64::from(c.rotation[0][2]);
+    let roll = cameras.iter().map(square).fold(0.0, |sum, x| sum + x) / Ord::max(cameras.len(), 1) as f64;
+    upright(cameras).filter(|up| up[2] < if roll <= ROLL { STEEP } else { LEVEL })
+}
+
 fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
@@ -216,6 +234,30 @@ mod tests {
         }
         m[15] = 1.0;
         Camera::from_matrices(&m, &[50.0, 0.0, 32.0, 0.0, 50.0, 32.0, 0.0, 0.0, 1.0], 64, 64, Model::Pinhole)
+    }
+
+    #[test]
+    fn a_camera_that_looks_down_does_not_contradict_z() {
+        let z = [0.0, 0.0, 1.0];
+        let at = |azimuth: f64, pitch: f64| {
+            [libm::cos(azimuth) * libm::cos(pitch), libm::sin(azimuth) * libm::cos(pitch), libm::sin(pitch)]
+        };
+        let is_up = |cameras: &[Camera]| upright_beside_z(&cameras.iter().collect::<Vec<_>>()).is_none();
+        for pitch in [0.0, 0.35, 0.7, 1.0] {
+            assert!(is_up(&[looking(at(0.4, pitch), z)]), "one camera, {pitch}");
+            assert!(is_up(&[0.1, 0.5, 0.9].map(|a| looking(at(a, pitch), z))), "from one side, {pitch}");
+            let turned = |k: i32| looking(at(f64::from(k), pitch), z);
+            assert!(is_up(&(0..7).map(turned).collect::<Vec<_>>()), "around, {pitch}");
+        }
+        // y up, and a camera on its side.
+        let up = [0.0, 1.0, 0.0];
+        let around = |k: i32| {
+            let a = f64::from(k);
+            looking([libm::cos(a), 0.6, libm::sin(a)], up)
+        };
+        assert!(!is_up(&(0..7).map(around).collect::<Vec<_>>()));
+        assert!(!is_up(&[looking([1.0, 0.3, 0.2], up)]));
+        assert!(!is_up(&[looking([1.0, 0.1, 0.0], [0.0, 0.8, 0.6])]));
     }
 
     #[test]

@@ -120,7 +120,7 @@ fn picture(frame: &Frame, view: &View, options: &Options) -> Result<Picture> {
                 .at("foreground")
                 .expected("an alpha channel, a mask, or a pass 'foreground'")
                 .got("an image of the whole scene")
-                .hint("`field fit` fits one object: give every image a mask of it"));
+                .hint("fields show one object: give every image a mask of it"));
         }
     };
     let photo = Photo { name: &view.name, camera: &view.camera, rgb: &view.rgb };
