@@ -94,7 +94,12 @@ fn lirm_gen_makes_continues_and_refuses() {
     assert_eq!((&again["rendered"], &again["digest"]), (&0.into(), &made["digest"]), "nothing left to do");
     let more = json(&with(&["--out", "a", "--resume", "--objects", "2", "--json"]), dir.path());
     assert_eq!((&more["objects"], &more["rendered"]), (&2.into(), &2.into()), "another object");
-    refused(&with(&["--out", "a", "--resume", "--seed", "1"]), dir.path(), 2, &["same settings"]);
+    refused(
+        &with(&["--out", "a", "--resume", "--seed", "1"]),
+        dir.path(),
+        2,
+        &["--resume", "seed: 0, as in the set"],
+    );
     assert_eq!(
         json(&with(&["--out", "a", "--force", "--json"]), dir.path())["digest"],
         made["digest"],
