@@ -106,7 +106,7 @@ pub struct Protocol {
     pub outputs: usize,
     /// Typical materials of training objects ([`typical_materials`]); `None` leaves the comparison out.
     pub typical: Option<Typical>,
-    /// Whether the baselines are scored too; two hulls take longer than the model.
+    /// Whether the baselines are scored too.
     pub baselines: bool,
     /// Whether surfaces are compared.
     pub shapes: bool,

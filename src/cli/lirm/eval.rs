@@ -127,7 +127,7 @@ pub(crate) struct Args {
     /// Compare surfaces too
     #[arg(long)]
     shapes: bool,
-    /// Leave out nearest input and visual hulls, which take more than half of the time
+    /// Leave out nearest input and visual hulls, which take two fifths of the time
     #[arg(long)]
     no_baselines: bool,
     /// Seed of the objects
