@@ -121,14 +121,10 @@ fn belongs(state: &State, model: &Model) -> Result<()> {
     if other.is_none() && state.model == own {
         return Ok(());
     }
-    let of = |digest: &str, x: Option<&serde_json::Value>| match (&other, x) {
-        (Some((name, _)), Some(x)) => format!("{digest} (setting {name}: {x})"),
-        _ => digest.to_owned(),
-    };
-    let [expected, got] = match &other {
-        Some((name, x)) => [of(&state.model, Some(x)), of(&own, Some(&of_model[name.as_str()]))],
-        None => [of(&state.model, None), of(&own, None)],
-    };
+    let [expected, got] = [(&state.model, &of_state), (&own, &of_model)].map(|(digest, settings)| {
+        let setting = other.map(|(name, _)| format!(" (setting {name}: {})", settings[name.as_str()]));
+        format!("{digest}{}", setting.unwrap_or_default())
+    });
     Err(Error::input("state")
         .at("model")
         .expected(format!("the model that made it, with the digest {expected}"))
