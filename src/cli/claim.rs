@@ -83,19 +83,23 @@ pub(crate) fn check(dir: &Path, resume: bool, force: bool) -> Result<()> {
     take(dir)
 }
 
-/// Refuses to resume in a folder with files of which none has one of these names: a run has written none of them.
+/// What a command writes when it has its result. A run that was killed has none of them, whatever else it has written.
+const RESULTS: [&str; 2] = ["result.json", "report/index.html"];
+
+/// Refuses to resume in a folder that holds the result of another command, and nothing with one of the names that the own runs write first.
 ///
 /// # Errors
-/// When it is such a folder, or cannot be read.
+/// When it is such a folder.
 pub(crate) fn is_of(dir: &Path, names: &[&str]) -> Result<()> {
-    if atomic::is_unused(dir)? || names.iter().any(|name| dir.join(name).exists()) {
-        return Ok(());
+    let is_there = |name: &&&str| dir.join(name).exists();
+    match RESULTS.iter().find(is_there) {
+        Some(result) if !names.iter().any(|name| dir.join(name).exists()) => Err(Error::input("--out")
+            .at(dir.display().to_string())
+            .expected(format!("a new folder, or that of an interrupted run, with {}", names.join(" or ")))
+            .got(format!("{result} of another command"))
+            .hint("choose another folder; --force instead of --resume replaces files of the same name")),
+        _ => Ok(()),
     }
-    Err(Error::input("--out")
-        .at(dir.display().to_string())
-        .expected(format!("an empty folder, or that of an interrupted run, with {}", names.join(" or ")))
-        .got("a folder with other files")
-        .hint("choose another folder; --force instead of --resume replaces files of the same name"))
 }
 
 /// [`check`], and the folder.
@@ -153,10 +157,11 @@ mod tests {
         );
         folder(&out, true, false).expect("resumed");
         folder(&out, false, true).expect("forced");
+        is_of(&out, &["y"]).expect("a run that was killed may have written anything but a result");
+        std::fs::write(out.join("result.json"), "{}").expect("writable");
         is_of(&out, &["y", "x"]).expect("x is there");
-        is_of(&killed, &["x"]).expect("empty");
-        let e = is_of(&out, &["y"]).expect_err("other files").to_string();
-        assert!(e.contains("with y") && e.contains("other files"), "{e}");
+        let e = is_of(&out, &["y"]).expect_err("a result").to_string();
+        assert!(e.contains("with y") && e.contains("result.json of another command"), "{e}");
         assert!(folder(&out.join("x"), false, true).is_err(), "a file is no folder");
         assert!(file(&out.join("x"), false).is_err(), "exists");
         file(&out.join("x"), true).expect("forced");

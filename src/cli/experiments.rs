@@ -110,7 +110,7 @@ pub(crate) const SCALES: &Choices = &[
 /// Checks that a folder which is continued is that of a study of this scale; gives the names of the experiments in its record, if it has one.
 ///
 /// # Errors
-/// When it holds other files only, or a study of another scale.
+/// When it holds the result of another command, or a study of another scale.
 pub(crate) fn resumed(dir: &Path, scale: &str) -> Result<Vec<String>> {
     claim::is_of(dir, &[RECORD, SECONDS, "cells", "trainings"])?;
     let path = dir.join(RECORD);

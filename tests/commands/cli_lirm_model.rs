@@ -66,7 +66,7 @@ fn a_model_reads_images_and_more_of_them() {
     let section = section.split("</section>").next().expect("its end");
     assert_eq!(section.matches("<figcaption>").count(), 16, "all of them");
     let elsewhere = "lirm train --stage 1a --iterations 1 --batch 1 --objects-at-once 1 --out r --resume";
-    refused(&line(elsewhere), dir, 2, &["r: ", "checkpoint.safetensors", "other files"]);
+    refused(&line(elsewhere), dir, 2, &["r: ", "checkpoint.safetensors", "of another command"]);
     assert_eq!(json(&line("lirm reconstruct --like r --out liker --json -q"), dir)["digest"], one["digest"]);
     assert_eq!(one["sets"], serde_json::json!([4, 4, 4, 4]), "sixteen input images");
     assert_eq!(one["evaluation"]["views"].as_array().map(Vec::len), Some(12), "twelve outputs");
@@ -288,7 +288,7 @@ fn a_study_runs_and_its_report_can_be_made_again() {
         &line("lirm study head --model m --out m --resume"),
         dir,
         2,
-        &["m: ", "study.json", "other files"],
+        &["m: ", "study.json", "of another command"],
     );
     let listed = json(&line("lirm study list --json"), dir);
     assert_eq!(listed["experiments"].as_array().map(Vec::len), Some(all.len()));

@@ -162,9 +162,9 @@ fn images(x: &Input<'_>) -> Result<Section> {
     };
     Ok(Section {
         id: "views",
-        title: "Held-out views",
+        title: "Views beside their images",
         lead: format!(
-            "Views that were not read: image over white, render of the field, absolute difference, and numerical normals at the surface (x, y, z \
+            "Image over white, render of the field, absolute difference, and numerical normals at the surface (x, y, z \
              as red, green, blue). Pixels that are not scored are black: those that show the object in part, before a background that is not \
              white.{more}"
         ),

@@ -140,7 +140,7 @@ impl<'a> Pool<'a> {
             let k = missing[i];
             let (version, is_compared) = (draws.version(k), draws.stage.distances > 0.0);
             let mut scenes = if draws.is_added(k) {
-                self.source.added(k, version, is_compared)?.to_vec()
+                Vec::from(self.source.added(k, version, is_compared)?)
             } else {
                 let distances = if is_compared { self.source.distances(k)? } else { Distances::default() };
                 vec![(self.source.object(k, version)?, distances)]
