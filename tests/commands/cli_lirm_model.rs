@@ -165,6 +165,7 @@ fn a_model_reads_images_and_more_of_them() {
         &["--model", "setting whole: false", "setting whole: true"],
     );
     refused(&line(&format!("lirm update a {capture} --model p --out d")), dir, 2, &["--model", "digest"]);
+    refused(&line(&format!("lirm update {capture} a --model m --out d")), dir, 2, &["first argument"]);
     let first = names[0];
     for (options, parts) in [
         (format!("--inputs {first},{first}"), ["every image once", first]),

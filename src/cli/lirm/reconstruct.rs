@@ -157,7 +157,10 @@ pub(super) fn run(args: &Args) -> Result<()> {
 }
 
 pub(super) fn update(args: &UpdateArgs) -> Result<()> {
-    let before = State::read(&args.state)?;
+    let before = State::read(&args.state).map_err(|e| match State::read(&args.capture) {
+        Ok(_) => e.hint("the state is the first argument, the capture the second"),
+        Err(_) => e,
+    })?;
     let own = [("state", json!(args.state))];
     made(&args.common, &args.capture, Start::State(Box::new(before)), "lirm update", &own)
 }

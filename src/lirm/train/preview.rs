@@ -44,10 +44,11 @@ impl PreviewObject {
         let which: Vec<usize> = (0..READ).map(|i| around[i * VIEWS / READ]).collect();
         let placement = small.posed(config.pose, &which)?;
         let read = which.iter().map(|i| &small.all[*i]);
+        let target = target(&small.all[around[VIEWS / (2 * READ)]].picture, &placement);
         Ok(Self {
-            name: format!("object {k}"),
+            name: format!("{} of object {k}", target.name),
             inputs: read.map(|view| Input::of(view, &placement, config)).collect(),
-            target: target(&small.all[around[VIEWS / (2 * READ)]].picture, &placement),
+            target,
             placement,
         })
     }
