@@ -96,8 +96,15 @@ impl Frame {
         Ok((history, film))
     }
 
-    /// The outcome of a training that was resumed after its end, if all of its results are there: nothing is written again.
-    pub(crate) fn finished(&self, digest: &str, settings: &Value, history: &History) -> Option<Outcome> {
+    /// The outcome of a training that was resumed after its end, if all of its results are there, the `files` of the command among them: nothing is
+    /// written again.
+    pub(crate) fn finished(
+        &self,
+        digest: &str,
+        settings: &Value,
+        history: &History,
+        files: &[&str],
+    ) -> Option<Outcome> {
         let bytes = if self.resume { std::fs::read(self.file(RESULT)).ok()? } else { return None };
         let record: Value = serde_json::from_slice(&bytes).ok()?;
         // Settings pass through text, as those of the record did.
@@ -105,7 +112,7 @@ impl Frame {
         let is_same = record["digest"] == digest
             && record["settings"] == settings
             && record["iterations"] == history.len();
-        if !is_same || !self.file(REPORT).is_file() {
+        if !is_same || ![REPORT].iter().chain(files).all(|name| self.file(name).is_file()) {
             return None;
         }
         let done = match history.len() {

@@ -52,7 +52,9 @@ pub mod safetensors;
 pub mod splat_file;
 pub mod transforms;
 
-pub use read::{MAX_FILE_BYTES, MAX_SMALL_FILE_BYTES, beside, guard, identity, name_of, read_bytes};
+pub use read::{
+    MAX_FILE_BYTES, MAX_SMALL_FILE_BYTES, beside, digest, guard, hex, identity, name_of, read_bytes,
+};
 
 #[doc(hidden)]
 pub extern crate self as io;

@@ -18,10 +18,21 @@ pub const MAX_SMALL_FILE_BYTES: u64 = 1 << 30;
 /// # Errors
 /// As [`read_bytes`].
 pub fn identity(path: &Path) -> Result<serde_json::Value> {
-    let mut digest = crate::num::bits::Digest::new();
-    digest.bytes(&read_bytes(path, MAX_FILE_BYTES)?);
+    let bytes = read_bytes(path, MAX_FILE_BYTES)?;
     let name = path.file_name().unwrap_or_default().to_string_lossy();
-    Ok(serde_json::json!({ "file": name, "digest": format!("{:016x}", digest.value()) }))
+    Ok(serde_json::json!({ "file": name, "digest": digest(&bytes) }))
+}
+
+/// FNV-1a 64 of bytes, as written in records.
+pub fn digest(bytes: &[u8]) -> String {
+    let mut digest = crate::num::bits::Digest::new();
+    digest.bytes(bytes);
+    hex(digest.value())
+}
+
+/// A digest as written in records.
+pub fn hex(digest: u64) -> String {
+    format!("{digest:016x}")
 }
 
 /// Contents of a regular file of at most `limit` bytes.

@@ -138,11 +138,6 @@ pub(super) fn remove_folder(path: &Path) -> Result<()> {
     }
 }
 
-/// A digest as written in records.
-pub(super) fn hex(digest: u64) -> String {
-    format!("{digest:016x}")
-}
-
 /// FNV-1a 64 of bytes.
 pub(super) fn digest(bytes: &[u8]) -> u64 {
     let mut d = Digest::new();

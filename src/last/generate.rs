@@ -12,13 +12,13 @@
 
 use super::character::CharacterSubject;
 use super::figure::Figures;
-use super::folder::{self, JOURNAL, digest, hex, slashed};
+use super::folder::{self, JOURNAL, digest, slashed};
 pub use super::progress::Progress;
 use super::progress::check_stop;
 use super::sets::{self, FRAMES_PER_SHARD, GROUPS_PER_SHARD, ImageSource, RenderJob};
 pub use super::settings::{BOUNCES, CHARACTER_FACTORS, Settings, Which};
 use super::subject::{self, BuiltIn, Subject};
-use crate::io::{atomic, read_bytes};
+use crate::io::{atomic, hex, read_bytes};
 use crate::{Error, Result};
 use data_gen::figure::factors::LETTERS;
 use data_gen::figure::mechanism::Scm;

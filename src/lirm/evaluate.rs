@@ -138,10 +138,9 @@ fn inputs(
     ready: &Ready<'_>,
     p: &Protocol,
     k: u64,
-    views: &Views,
+    (views, small): (&Views, &Views),
     other: Option<&Views>,
 ) -> Result<Vec<Vec<Input>>> {
-    let small = views.small(SIDE / INPUT_SIDE)?;
     let other = other.map(|other| other.small(SIDE / INPUT_SIDE)).transpose()?;
     let input = |of: &Views, at: &Placement, i: usize, camera: usize| {
         let mut view = of.all[i].clone();
@@ -154,7 +153,7 @@ fn inputs(
         input
     };
     let one = |(set, which): (usize, &[usize])| {
-        let of = other.as_ref().filter(|_| set > 0).unwrap_or(&small);
+        let of = other.as_ref().filter(|_| set > 0).unwrap_or(small);
         let camera = |n: usize| match p.control {
             Control::PermutedCameras => which[(n + 1) % which.len()],
             _ => which[n],
@@ -227,7 +226,7 @@ pub fn score_views(
     let mut state = ready.no_state();
     let mut scored = Scores { object: k, rounds: Vec::new(), images: Vec::new() };
     let small = views.small(SIDE / INPUT_SIDE)?;
-    let sets = inputs(ready, p, k, views, other)?;
+    let sets = inputs(ready, p, k, (views, &small), other)?;
     for (round, set) in sets.iter().enumerate() {
         if matches!(p.control, Control::ZeroedState | Control::AtOnce) {
             state = ready.no_state();
@@ -315,7 +314,8 @@ fn score_state_and_image(
         let (mut numbers, scores) = score_output(&field, &cells, &truth, p, color)?;
         // Built-in objects have exposures of their own, so the other one is not read.
         let view = benchmark::view(&scores, &truth, &benchmark::truth(picture, 1.0), at.scale, None)?;
-        if let Some(s) = &view.image {
+        // The linear truth is the radiance; a photo has lost what was brighter than white.
+        if let Some(s) = view.image.as_ref().filter(|_| picture.passes.radiance.is_some()) {
             numbers.extend([("psnr_h_db", s.psnr_h_db), ("psnr_l_db", s.psnr_l_db), ("orb_ssim", s.ssim)]);
         }
         numbers.into_iter().for_each(|(name, x)| all.entry(name).or_default().push(x));

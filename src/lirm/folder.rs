@@ -11,7 +11,7 @@ use super::settings::{Settings, Version};
 use super::shots::shots;
 use super::truth;
 use crate::fit::passes::{self, Recorder};
-use crate::io::atomic;
+use crate::io::{self, atomic, hex};
 use crate::{Error, Result};
 use serde_json::{Map, Value, json};
 use std::path::Path;
@@ -104,9 +104,7 @@ const OBJECT: &str = "object.json";
 
 /// The digest of the record of an object.
 fn sealed(record: &Value) -> Value {
-    let mut digest = crate::num::bits::Digest::new();
-    digest.bytes(format!("{record:#}").as_bytes());
-    json!(hex(digest.value()))
+    json!(io::digest(format!("{record:#}").as_bytes()))
 }
 
 /// Writes the record of an object, with its own digest as the last entry.
@@ -159,9 +157,4 @@ pub(super) fn finished(
 pub(super) fn header(settings_record: &Map<String, Value>, k: u64, version: Version) -> Map<String, Value> {
     let made = json!({ "object": k, "version": version.name(), "settings": settings_record });
     Map::from_iter([("lirm_gen".to_owned(), made)])
-}
-
-/// A digest as written in records.
-pub(super) fn hex(digest: u64) -> String {
-    format!("{digest:016x}")
 }

@@ -14,14 +14,14 @@
 //! and on several machines, each in a folder of its own: `dataset.json` lists the objects of the last run.
 //! The module `folder` describes how a folder is created, resumed and overwritten.
 
-use super::folder::{FORMAT, RECORD, announce, begin, finished, header, hex, write_object};
+use super::folder::{FORMAT, RECORD, announce, begin, finished, header, write_object};
 pub use super::settings::{Lighting, Set, Settings, Version};
 use super::shots::shots;
 use super::subject::{Light, Subject};
 use super::truth;
 use crate::fit::passes::{Recorder, Shot, Style};
 use crate::geometry::bvh::Bvh;
-use crate::io::atomic;
+use crate::io::{atomic, hex};
 use crate::num::par;
 use crate::num::rng::{self, Rng};
 use crate::scene::from_data_gen;

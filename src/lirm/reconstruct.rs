@@ -276,7 +276,7 @@ impl Reconstruction<'_> {
         field.validate()?;
         watch.lap("decoding");
         let is_update = before.is_some();
-        let exposure = before.as_ref().map_or(pictures.exposure, |s| s.exposure);
+        let exposure = before.as_ref().map_or(pictures.common, |s| s.exposure);
         let (mut all_sets, mut all_changes, mut images) =
             before.map_or_else(Default::default, |s| (s.sets, s.changes, s.images));
         let own = self.sets.iter().flatten().map(|i| pictures.pictures[*i].name.clone());

@@ -14,8 +14,7 @@
 //! [`is_whole`] compares them.
 
 use crate::Result;
-use crate::io::{atomic, gltf, image_file};
-use crate::num::bits::Digest;
+use crate::io::{atomic, digest, gltf, image_file};
 use crate::num::par;
 use crate::scene::light::Environment;
 use crate::scene::mesh::Object;
@@ -62,10 +61,4 @@ pub fn is_whole(folder: &Path, digests: &Value) -> bool {
     digests.as_object().into_iter().flatten().all(|(name, expected)| {
         std::fs::read(folder.join(name)).is_ok_and(|bytes| expected.as_str() == Some(&*digest(&bytes)))
     })
-}
-
-fn digest(bytes: &[u8]) -> String {
-    let mut d = Digest::new();
-    d.bytes(bytes);
-    format!("{:016x}", d.value())
 }

@@ -13,7 +13,7 @@
 use super::r#gen::in_memory;
 use super::settings::{Settings, Version};
 use super::subject::Subject;
-use crate::fit::exposure::{Photograph, expose as expose_photographs};
+use crate::fit::exposure::{Common, Photograph, expose as expose_photographs};
 use crate::fit::field::place::{Pose, posed};
 use crate::fit::field::targets::{self, Photo, Picture, Pictures, Target};
 use crate::fit::passes::as_read;
@@ -42,9 +42,9 @@ pub struct Views {
     pub placement: Placement,
 }
 
-/// The photos in the exposure that their images over white have been given, a factor from radiance; as they
-/// are, if those were given none.
-fn photos(rgb: &[&[u8]], pictures: &[Picture], factor: Option<f64>) -> Result<Vec<Vec<f32>>> {
+/// The photos in the exposure that their images over white have been given; as they are, if those were given
+/// none.
+fn photos(rgb: &[&[u8]], pictures: &[Picture], common: Option<Common>) -> Result<Vec<Vec<f32>>> {
     let one = |(rgb, p): (&&[u8], &Picture)| {
         let values: Vec<f32> = rgb.iter().map(|b| f32::from(*b) / 255.0).collect();
         let color = values.as_chunks::<3>().0.to_vec();
@@ -52,8 +52,8 @@ fn photos(rgb: &[&[u8]], pictures: &[Picture], factor: Option<f64>) -> Result<Ve
         Photograph { color, foreground, exposure: p.passes.exposure.unwrap_or(1.0) }
     };
     let mut all: Vec<Photograph> = rgb.iter().zip(pictures).map(one).collect();
-    if let Some(factor) = factor {
-        expose_photographs(&mut all, factor)?;
+    if let Some(common) = common {
+        expose_photographs(&mut all, &Common::of(common.factor))?;
     }
     Ok(all.into_iter().map(|p| p.color.into_flattened()).collect())
 }
@@ -90,15 +90,15 @@ impl Views {
     pub fn of_capture(from: &Pictures, which: &[usize], placement: Placement) -> Result<Self> {
         let pictures: Vec<Picture> = which.iter().map(|i| from.pictures[*i].clone()).collect();
         let rgb: Vec<&[u8]> = which.iter().map(|i| &*from.views.views[*i].rgb).collect();
-        let photos = photos(&rgb, &pictures, from.is_exposed.then_some(from.exposure))?;
+        let photos = photos(&rgb, &pictures, from.common)?;
         let all = pictures.into_iter().zip(photos);
         Ok(Self { all: all.map(|(picture, photo)| View { picture, photo }).collect(), placement })
     }
 
     /// Gives images a common exposure, and their photos with them; the object is in the ball of radius ½.
     fn of(rgb: &[&[u8]], mut pictures: Vec<Picture>) -> Result<Self> {
-        let factor = targets::expose(&mut pictures, None)?;
-        let photos = photos(rgb, &pictures, factor)?;
+        let common = targets::expose(&mut pictures, None)?;
+        let photos = photos(rgb, &pictures, common)?;
         let all = pictures.into_iter().zip(photos);
         Ok(Self {
             all: all.map(|(picture, photo)| View { picture, photo }).collect(),

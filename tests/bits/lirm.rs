@@ -116,6 +116,10 @@ impl Source for Balls {
     fn record(&self) -> String {
         "balls".to_owned()
     }
+
+    fn seed(&self) -> Option<u64> {
+        None
+    }
 }
 
 fn settings(stage: &str, distances: f32, optimizer: Kind) -> Settings {

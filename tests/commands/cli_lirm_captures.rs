@@ -1,6 +1,7 @@
 //! `lirm` on captures of any kind, with a model of a configuration file: other scales, sizes and lenses, and what is refused.
 
 use crate::program::{json, lastlight, refused, stderr};
+use lastlight::fit::exposure::Common;
 use lastlight::io::image_file::{self, Picture, Samples};
 use lastlight::io::safetensors::Precision;
 use lastlight::lirm::model::file::Model;
@@ -94,11 +95,11 @@ fn a_capture_of_any_scale_is_placed_by_its_foreground_or_by_a_box() {
     let far = given.tokens.iter().zip(&same.tokens).map(|(a, b)| (a - b).abs()).filter(|d| *d > 1e-3).count();
     assert_eq!(far, 0, "the same object in the same box");
     // An update keeps the exposure of the first images, and tells which it has read before.
-    State { exposure: 0.4, ..found }.write(&dir.join("dim.safetensors")).expect("written");
+    State { exposure: Some(Common::of(0.4)), ..found }.write(&dir.join("dim.safetensors")).expect("written");
     let again = format!("lirm update dim.safetensors photos --model tiny.safetensors {four} --out dim");
     let told = stderr(&lastlight(&line(&again), dir));
     assert!(told.contains("names of images that the state has read already: 4"), "{told}");
-    assert_eq!(State::read(&dir.join("dim")).expect("a state").exposure, 0.4);
+    assert_eq!(State::read(&dir.join("dim")).expect("a state").exposure, Some(Common::of(0.4)));
     let elsewhere =
         "lirm update dim.safetensors set/object_00000/uniform --model tiny.safetensors --inputs 0000 --out d";
     refused(&line(elsewhere), dir, 2, &["capture", "in the box of the state"]);

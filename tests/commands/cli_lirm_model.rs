@@ -29,6 +29,11 @@ fn a_model_reads_images_and_more_of_them() {
         dir,
     );
     assert_eq!(again["digest"], trained["digest"], "complete already");
+    let model = dir.join("m/model.safetensors");
+    let bytes = std::fs::read(&model).expect("a model");
+    std::fs::remove_file(&model).expect("removed");
+    json(&line("lirm train --out m --resume --json -q"), dir);
+    assert_eq!(std::fs::read(&model).expect("written again"), bytes, "a missing file is written again");
     let next = json(
         &line(
             "lirm train --stage 2a --iterations 1 --batch 1 --objects-at-once 1 --from m --out n --json -q",

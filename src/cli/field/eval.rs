@@ -3,6 +3,7 @@
 use super::page::{self, Input};
 use super::read;
 use super::scoring::{self, Benchmark};
+use crate::fit::exposure::Common;
 use crate::fit::field::scores::means;
 use crate::fit::field::targets::Pictures;
 use crate::fit::field::{Target, benchmark, score, view};
@@ -87,7 +88,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let field = read::field(&args.field)?;
     let weights = args.lpips.as_deref().map(|p| Metric::load(p, true)).transpose()?;
     let options = read::options(args.downscale, args.allow_outside);
-    let pictures = Pictures::load(&args.capture, &options, read::exposure_of(&args.field))?;
+    let pictures = Pictures::load(&args.capture, &options, read::exposure_of(&args.field).map(Common::of))?;
     missing::note(&pictures.views, &meter);
     let targets = pictures.targets(field.placement);
     let (train, test) = (&pictures.views.train, &pictures.views.test);
@@ -115,7 +116,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     meter.lap("reading");
     let cells = view::occupancy(&field)?;
     let truths: Vec<Vec<f32>> =
-        which.iter().map(|(at, _)| benchmark::truth(&pictures.pictures[*at], pictures.exposure)).collect();
+        which.iter().map(|(at, _)| benchmark::truth(&pictures.pictures[*at], pictures.exposure())).collect();
     let (mut scored, mut views) = (Vec::with_capacity(which.len()), Vec::with_capacity(which.len()));
     for (i, ((_, target), truth)) in which.iter().zip(&truths).enumerate() {
         meter.count(i, which.len(), "scoring");

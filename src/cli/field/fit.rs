@@ -231,7 +231,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let (history, film) = frame.train(&mut fit, &mut meter)?;
     let field = fit.field();
     let digest = field.digest()?;
-    if let Some(outcome) = frame.finished(&digest, &Fit::settings(&fit), &history) {
+    if let Some(outcome) = frame.finished(&digest, &Fit::settings(&fit), &history, &[FILE]) {
         return outcome.publish(&frame.dir);
     }
     field.write(&frame.file(FILE))?;

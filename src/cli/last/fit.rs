@@ -337,7 +337,7 @@ impl Job<'_> {
         let (history, film) = self.frame.train(&mut fit, meter)?;
         let (avatar, settings) = (fit.avatar(), Fit::settings(&fit));
         let digest = avatar.digest()?;
-        if let Some(outcome) = self.frame.finished(&digest, &settings, &history) {
+        if let Some(outcome) = self.frame.finished(&digest, &settings, &history, &[AVATAR]) {
             return Ok(outcome);
         }
         let groups = scoring::groups(

@@ -203,7 +203,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let units = training.units().map(<[f64]>::to_vec);
     let trained = training.finish()?;
     let digest = trained.digest()?;
-    if let Some(outcome) = frame.finished(&digest, &settings.json(), &history) {
+    if let Some(outcome) = frame.finished(&digest, &settings.json(), &history, &[MODEL]) {
         return outcome.publish(&frame.dir);
     }
     let evaluation = evaluation::of(&trained, &data, &truth)?;

@@ -143,9 +143,9 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let (model, name) = weights::model(args.model.as_deref(), &meter)?;
     let inverse_beta = weights::inverse_beta(args.inverse_beta, &model)?;
     let trained = training_seed(&model.training);
-    if model.training.iter().any(|part| part.seed == args.seed) {
+    if model.training.iter().any(|part| part.objects() == Some(args.seed)) {
         meter.note(&format!(
-            "the model was trained with seed {}: objects it has seen are not a test of it",
+            "the model was trained with objects of seed {}: objects it has seen are not a test of it",
             args.seed
         ));
     }
@@ -169,7 +169,10 @@ pub(super) fn run(args: &Args) -> Result<()> {
         control,
         sets: usize::from(args.sets),
         outputs: 12,
-        typical: model.config.is_whole.then(|| evaluate::typical_materials(trained, version)).transpose()?,
+        typical: trained
+            .filter(|_| model.config.is_whole)
+            .map(|seed| evaluate::typical_materials(seed, version))
+            .transpose()?,
         baselines: !args.no_baselines,
         shapes: args.shapes,
     };

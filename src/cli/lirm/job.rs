@@ -139,7 +139,7 @@ impl Job<'_> {
         let place = &state.placement;
         let half_size = f64::from(HALF_SIZE) / place.scale;
         let mut record = json!({
-            "kind": self.kind, "lastlight": env!("CARGO_PKG_VERSION"), "digest": digest, "model": state.model, "sets": state.sets, "changes": changes, "exposure": state.exposure,
+            "kind": self.kind, "lastlight": env!("CARGO_PKG_VERSION"), "digest": digest, "model": state.model, "sets": state.sets, "changes": changes, "exposure": state.exposure.map(|common| common.factor),
             "placement": {"center": place.center, "half_size": half_size, "rotation": place.rotation},
             "arguments": cli::arguments(), "build": version::record(), "settings": self.settings, "seconds": meter.seconds(),
             "evaluation": {"mean": means, "views": views},

@@ -180,7 +180,7 @@ fn made(
     let inverse_beta = weights::inverse_beta(args.inverse_beta, &model)?;
     let options = read::options(args.downscale.unwrap_or(1), args.allow_outside);
     let exposure = match &start {
-        Start::State(state) => Some(state.exposure),
+        Start::State(state) => state.exposure,
         Start::Nothing(..) => None,
     };
     let pictures = Pictures::load(capture, &options, exposure)?;

@@ -312,7 +312,7 @@ fn publish(
         Model { config: *training.config(), params: training.params().clone(), training: parts }.halved();
     let digest = digest(&model.params);
     let settings = training.settings();
-    if let Some(outcome) = frame.finished(&digest, &settings, history) {
+    if let Some(outcome) = frame.finished(&digest, &settings, history, &[FILE]) {
         return outcome.publish(&frame.dir);
     }
     model.write(&frame.file(FILE), crate::io::safetensors::Precision::Half)?;

@@ -41,6 +41,8 @@ DIR is a folder with transforms.json (NeRF-synthetic, instant-ngp or nerfstudio)
 
 --out DIR gets scene.ply, scene.splat, checkpoint.safetensors, result.json, command.json (the options, for --resume), transforms.json (the cameras), images.png (a sheet of the images as they are fitted), held-out renders, and report/index.html.";
 
+/// The Gaussians, in two formats.
+const SCENES: [&str; 2] = ["scene.ply", "scene.splat"];
 /// The cameras of the images, beside the scene.
 const CAMERAS: &str = "transforms.json";
 
@@ -238,7 +240,7 @@ impl Job<'_> {
         let (history, film) = self.frame.train(&mut fit, meter)?;
         let scene_values = fit.gaussians();
         let digest = fit.digest()?;
-        if let Some(outcome) = self.frame.finished(&digest, &Fit::settings(&fit), &history) {
+        if let Some(outcome) = self.frame.finished(&digest, &Fit::settings(&fit), &history, &SCENES) {
             return Ok(outcome);
         }
         let scene = Scene::new(scene_values, self.settings.render.clone(), self.settings.background);
@@ -252,7 +254,7 @@ impl Job<'_> {
             env!("CARGO_PKG_VERSION"),
             counted(history.len(), "iteration")
         )];
-        for name in ["scene.ply", "scene.splat"] {
+        for name in SCENES {
             write_scene(&self.frame.file(name), scene_values, &comments)?;
             names.push(name.to_owned());
         }

@@ -5,6 +5,7 @@
 //! configuration and the seed. With the configuration and the version of the program, the list is all that
 //! decides the weights.
 
+use crate::scene::field::INVERSE_BETA;
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 
@@ -35,6 +36,12 @@ pub struct Part {
     pub uses: Option<usize>,
     /// Where the objects come from.
     pub source: String,
+    /// Seed of built-in objects, where it is not that of the draws.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub object_seed: Option<u64>,
+    /// Whether the objects are other models than the built-in ones.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub other_objects: bool,
     /// Learning rate after the warm-up, where it is not that of the stage.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rate: Option<f64>,
@@ -104,6 +111,11 @@ fn is_false(x: &bool) -> bool {
 }
 
 impl Part {
+    /// The seed of its built-in objects, if it had such.
+    pub fn objects(&self) -> Option<u64> {
+        (!self.other_objects).then_some(self.object_seed.unwrap_or(self.seed))
+    }
+
     /// Whether it ends with the last step of its stage.
     pub fn is_last(&self) -> bool {
         self.range[1] == self.steps
@@ -128,9 +140,9 @@ pub fn labels(parts: &[Part]) -> Vec<String> {
     (0..parts.len()).filter(|i| !continued(*i)).map(|i| parts[i].label()).collect()
 }
 
-/// The seed of the objects of the last part; 0 without one.
-pub fn training_seed(parts: &[Part]) -> u64 {
-    parts.last().map_or(0, |part| part.seed)
+/// The seed of the built-in objects of the last part, if it had such; 0 without a part.
+pub fn training_seed(parts: &[Part]) -> Option<u64> {
+    parts.last().map_or(Some(0), Part::objects)
 }
 
 /// The 1/β of the last step, at which the model is rendered.
@@ -149,12 +161,13 @@ pub(super) fn text(parts: &[Part]) -> String {
 /// Reads such a text.
 ///
 /// # Errors
-/// If it is not one, or a part has steps that its stage does not have, or an impossible 1/β.
+/// If it is not one, or a part has steps that its stage does not have, or a 1/β that a field cannot have.
 pub(super) fn parse(text: &str) -> Result<Vec<Part>> {
     let refused = |got: String| Error::input("metadata").at("training").expected("parts of stages").got(got);
     let parts: Vec<Part> = serde_json::from_str(text).map_err(|e| refused(e.to_string()))?;
     let is_bad = |part: &&Part| part.range[0] >= part.range[1] || part.range[1] > part.steps;
-    if let Some(bad) = parts.iter().find(|part| !(part.inverse_beta > 0.0 && part.inverse_beta.is_finite())) {
+    let [least, most] = INVERSE_BETA;
+    if let Some(bad) = parts.iter().find(|part| !(least..=most).contains(&part.inverse_beta)) {
         return Err(refused(format!("1/β {}", bad.inverse_beta)));
     }
     match parts.iter().find(is_bad) {
@@ -178,6 +191,8 @@ mod tests {
             block: 200,
             uses: Some(4),
             source: "a set".to_owned(),
+            object_seed: None,
+            other_objects: false,
             rate: Some(2e-3),
             head_rate: Some(8.0),
             room: None,
@@ -205,14 +220,20 @@ mod tests {
         let again = [part("1a", [0, 10], 60.0), part("1a", [0, 3], 60.0)];
         assert_eq!(labels(&again), ["1a", "1a to step 3 of 10"], "begun anew");
         assert_eq!((inverse_beta(&parts), inverse_beta(&[])), (61.0, UNTRAINED));
-        assert_eq!((training_seed(&parts), training_seed(&[])), (u64::MAX, 0));
+        assert_eq!((training_seed(&parts), training_seed(&[])), (Some(u64::MAX), Some(0)));
+        let stored = [Part { object_seed: Some(2), ..part("1a", [0, 4], 40.0) }];
+        let others = [Part { other_objects: true, ..part("1a", [0, 4], 40.0) }];
+        assert_eq!((training_seed(&stored), training_seed(&others)), (Some(2), None));
+        assert_eq!(parse(&text(&stored)).expect("its own text"), stored);
         assert_eq!(parse(&text(&parts)).expect("its own text"), parts);
         for range in [[4, 4], [4, 11]] {
             let e = parse(&text(&[part("1a", range, 60.0)])).expect_err("no such steps").to_string();
             assert!(e.contains("of 10"), "{e}");
         }
-        let e = parse(&text(&[part("1a", [0, 3], -60.0)])).expect_err("a density below 0").to_string();
-        assert!(e.contains("1/β"), "{e}");
+        for bad in [-60.0, 0.0, 1e30] {
+            let e = parse(&text(&[part("1a", [0, 3], bad)])).expect_err("no field has it").to_string();
+            assert!(e.contains("1/β"), "{e}");
+        }
         let e = parse("[{}]").expect_err("no part").to_string();
         assert!(e.contains("training") && e.contains("stage"), "{e}");
     }

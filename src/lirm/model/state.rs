@@ -8,11 +8,14 @@
 //! Metadata: `kind`, `version`, `configuration` of the model, `model` (digest of its weights), `sets`
 //! (numbers of images, in the order in which they were read), `changes` (relative change of the tokens by
 //! each of them; absent in files of earlier versions), `images` (their names, which are not scored as
-//! held-out images later), `exposure` (factor from radiance to the images). The arrays do not grow with the
-//! number of images; the three lists do, by a few bytes per image and set.
+//! held-out images later), `exposure` (the factor from radiance to the images, the mean of their exposures and
+//! the factor that brightens them; empty where the exposures are not known; the first alone in files of earlier
+//! versions). The arrays do not grow with the number of images; the three lists do, by a few bytes per image
+//! and set.
 
 use super::config::Config;
 use super::file::numbers;
+use crate::fit::exposure::Common;
 use crate::io::safetensors;
 use crate::num::array::Arrays;
 use crate::scene::field::Placement;
@@ -42,8 +45,8 @@ pub struct State {
     pub changes: Vec<f64>,
     /// Names of the images that were read.
     pub images: Vec<String>,
-    /// Factor from radiance to the images.
-    pub exposure: f64,
+    /// The exposure of the images, if it is known.
+    pub exposure: Option<Common>,
 }
 
 /// Relative change of the tokens below which, twice in a row, a state is settled.
@@ -67,6 +70,8 @@ impl State {
         arrays.put("placement/scale", &[1], vec![self.placement.scale]);
         arrays.put("placement/rotation", &[3, 3], self.placement.rotation.as_flattened().to_vec());
         let sets: Vec<String> = self.sets.iter().map(ToString::to_string).collect();
+        let exposure =
+            self.exposure.map_or_else(String::new, |c| format!("{} {} {}", c.factor, c.mean, c.lift));
         let meta = BTreeMap::from([
             ("kind".to_owned(), KIND.to_owned()),
             ("version".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
@@ -75,7 +80,7 @@ impl State {
             ("sets".to_owned(), sets.join(" ")),
             ("changes".to_owned(), serde_json::Value::from(self.changes.clone()).to_string()),
             ("images".to_owned(), serde_json::Value::from(self.images.clone()).to_string()),
-            ("exposure".to_owned(), self.exposure.to_string()),
+            ("exposure".to_owned(), exposure),
         ]);
         safetensors::write(path, &arrays, &meta)
     }
@@ -113,8 +118,14 @@ fn parse(arrays: &Arrays, meta: &BTreeMap<String, String>) -> Result<State> {
     let Ok(images) = serde_json::from_str::<Vec<String>>(text("images")?) else {
         return Err(wrong("images", "a list of names")?);
     };
-    let exposure: Option<f64> = text("exposure")?.parse().ok().filter(|e: &f64| *e > 0.0 && e.is_finite());
-    let Some(exposure) = exposure else { return Err(wrong("exposure", "a factor above 0")?) };
+    let is_factor = |x: &f64| *x > 0.0 && x.is_finite();
+    let factors = text("exposure")?.split_whitespace().map(|x| x.parse().ok().filter(is_factor));
+    let exposure = match factors.collect::<Option<Vec<f64>>>().as_deref() {
+        Some([]) => None,
+        Some([factor]) => Some(Common::of(*factor)),
+        Some([factor, mean, lift]) => Some(Common { factor: *factor, mean: *mean, lift: *lift }),
+        _ => return Err(wrong("exposure", "three factors above 0, or nothing")?),
+    };
     let is_change = |x: &f64| x.is_finite() && *x >= 0.0;
     if !(changes.is_empty() || changes.len() == sets.len()) || !changes.iter().all(is_change) {
         return Err(wrong("changes", "a number of 0 or more for every set")?);
@@ -160,7 +171,7 @@ mod tests {
             sets: vec![1, 2],
             changes: vec![1.0, 0.1 + 0.2],
             images: ["0001.png", "a \"b\".png", "0003.png"].map(str::to_owned).into(),
-            exposure: 1.7,
+            exposure: Some(Common { factor: 1.7, mean: 0.1 + 0.7, lift: 2.1 }),
         };
         let settled = |changes: &[f64]| State { changes: changes.into(), ..state.clone() }.is_settled();
         assert!(settled(&[0.3, 9e-3, 2e-3]), "twice in a row");
@@ -173,6 +184,11 @@ mod tests {
         let earlier = dir.path().join("earlier");
         safetensors::write(&earlier, &old.arrays, &old.metadata).expect("written");
         assert_eq!(State::read(&earlier).expect("a file of an earlier version").changes, [0.0; 0]);
+        for (text, exposure) in [("1.7", Some(Common::of(1.7))), ("", None)] {
+            old.metadata.insert("exposure".to_owned(), text.to_owned());
+            safetensors::write(&earlier, &old.arrays, &old.metadata).expect("written");
+            assert_eq!(State::read(&earlier).expect("a state").exposure, exposure);
+        }
         let write = |change: &dyn Fn(&mut Arrays, &mut BTreeMap<String, String>)| {
             let mut file = safetensors::read(&path).expect("a file");
             change(&mut file.arrays, &mut file.metadata);
@@ -217,8 +233,10 @@ mod tests {
         assert!(e.contains("changes"), "{e}");
         let e = write(&|_, m| drop(m.insert("images".to_owned(), "[1]".to_owned())));
         assert!(e.contains("images"), "{e}");
-        let e = write(&|_, m| drop(m.insert("exposure".to_owned(), "0".to_owned())));
-        assert!(e.contains("exposure"), "{e}");
+        for text in ["0", "1 2", "1 2 inf", "x"] {
+            let e = write(&|_, m| drop(m.insert("exposure".to_owned(), text.to_owned())));
+            assert!(e.contains("exposure"), "{e}");
+        }
         let e = write(&|_, m| drop(m.remove("model")));
         assert!(e.contains("model"), "{e}");
     }

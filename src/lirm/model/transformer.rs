@@ -87,10 +87,14 @@ impl Ready<'_> {
         let all = rows + views.iter().fold(0, |sum, v| sum + v.tokens());
         let mut x = vec![0.0; all * d];
         let fused = fuse::forward(&self.fuse(state, &places), &mut x[..rows * d]);
-        let (mut first, mut saved_views) = (rows * d, Vec::with_capacity(views.len()));
+        let fused = keep.is_some().then_some(fused);
+        let (mut first, mut saved_views) = (rows * d, Vec::new());
         for view in views {
             let part = &mut x[first..][..view.tokens() * d];
-            saved_views.push(tokens::forward(&self.view(view), part));
+            let saved = tokens::forward(&self.view(view), part);
+            if keep.is_some() {
+                saved_views.push(saved);
+            }
             first += part.len();
         }
         let (mut at, mut blocks) = (Vec::new(), Vec::new());
@@ -108,7 +112,7 @@ impl Ready<'_> {
         x.truncate(rows * d);
         let mut next = vec![0.0; x.len()];
         let norm = layernorm::forward(&self.final_norm(&x), &mut next);
-        let saved = keep.map(|_| Saved { views: saved_views, fused, places, at, blocks, last: x, norm });
+        let saved = fused.map(|fused| Saved { views: saved_views, fused, places, at, blocks, last: x, norm });
         (next, saved)
     }
 

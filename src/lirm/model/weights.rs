@@ -98,11 +98,6 @@ impl<'a> Ready<'a> {
         array.as_slice().expect("parameters are contiguous")
     }
 
-    /// Whether there is an array of that name.
-    pub fn has(&self, name: &str) -> bool {
-        self.normed.contains_key(name) || self.params.get(name).is_some()
-    }
-
     /// Zeros for all arrays.
     pub fn zeros(&self) -> Gradients {
         let plain = self.params.iter().filter(|(name, _)| !name.ends_with("/v") && !name.ends_with("/g"));

@@ -8,7 +8,7 @@
 //! optimizer AdamW, or Muon for matrices
 //! draws    which object, how turned, which views, in a step
 //! object   inputs of one object                 truth    what its fields are compared with, losses and adjoints
-//! sets     sets of images in turn, and the state between them
+//! sets     sets of images in turn, and the state between them        preview    an object as the model sees it, now and then
 //!
 //! one step, of `batch` objects, `at_once` of them at a time:
 //!   draws ──► object: sets of input images, four target crops
@@ -256,6 +256,8 @@ impl<'a> Training<'a> {
             block: s.block,
             uses: Some(s.uses).filter(|n| *n != stage::USES),
             source: self.pool.record(),
+            object_seed: self.pool.seed().filter(|seed| *seed != s.seed),
+            other_objects: self.pool.seed().is_none(),
             rate: differs(s.stage.rates[0], |named| named.rates[0]),
             head_rate: Some(s.head_rate).filter(|x| *x != 1.0),
             room: differs(s.stage.room, |named| named.room),
@@ -320,12 +322,7 @@ impl<'a> Training<'a> {
             return Ok(());
         }
         let Some(mean) = &mut self.mean else {
-            return Err(Error::input("--until")
-                .expected(format!(
-                    "{} or more: the mean of the last steps begins after this one",
-                    i + self.settings.average_last
-                ))
-                .got(self.range[1].to_string()));
+            return Err(Error::check("lirm train").expected("the mean of the steps before").got("none"));
         };
         let count = (i - first + 1) as f32;
         for (name, w) in self.params.iter() {
@@ -333,6 +330,22 @@ impl<'a> Training<'a> {
             mean.zip_mut_with(w, |m, w| *m += (*w - *m) / count);
         }
         Ok(())
+    }
+
+    /// Why a checkpoint after step `done` has no mean for this training: its own, if there is one, begins with
+    /// step `first`.
+    fn no_mean(&self, first: Option<usize>, done: usize) -> Error {
+        let (n, steps) = (self.settings.average_last, self.settings.stage.steps);
+        let own = first.map(|first| first + n).filter(|end| *end <= steps);
+        let later = (done + n <= steps).then(|| format!("{} or more", done + n));
+        let fit: Vec<String> = own.map(|end| end.to_string()).into_iter().chain(later).collect();
+        Error::input("--until")
+            .expected(format!(
+                "{}: {done} steps are done, and the mean is over the last {n}",
+                fit.join(", or ")
+            ))
+            .got(self.range[1].to_string())
+            .hint("lirm train --from of the result, in another folder, goes on with fresh moments")
     }
 
     /// The sizes of the model.
@@ -438,16 +451,20 @@ impl Fit for Training<'_> {
         ArrayNames::Folders.load(&mut params, from)?;
         states.load(from)?;
         let first = from.get(FIRST_AVERAGED).map(|_| from.scalar(FIRST_AVERAGED)).transpose()?;
-        self.mean = match first {
-            Some(first) if first == self.first_averaged() as f64 => {
-                let (mut stored, mut mean) = (of_mean(&params), Params::new());
-                ArrayNames::Folders.load(&mut stored, from)?;
-                stored.iter().for_each(|(name, array)| mean.set(&name[MEAN.len()..], array.clone()));
-                Some(mean)
-            }
-            // The mean of another number of steps is not that of this training.
-            _ => None,
+        let first = first.map(|first| first as usize);
+        let done = self.range[0] + from.need("history/loss")?.len();
+        let mean = if first == Some(self.first_averaged()) {
+            let (mut stored, mut mean) = (of_mean(&params), Params::new());
+            ArrayNames::Folders.load(&mut stored, from)?;
+            stored.iter().for_each(|(name, array)| mean.set(&name[MEAN.len()..], array.clone()));
+            Some(mean)
+        } else if self.settings.average_last > 0 && done > self.first_averaged() {
+            return Err(self.no_mean(first, done));
+        } else {
+            // The mean of other steps, if there is one, is not that of this training.
+            None
         };
+        self.mean = mean;
         (self.params, self.states) = (params, states);
         Ok(())
     }

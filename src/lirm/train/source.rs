@@ -41,6 +41,9 @@ pub trait Source: Sync + Debug {
     /// What decides the objects, for checkpoints.
     fn record(&self) -> String;
 
+    /// The seed of the objects, if they are built-in ones.
+    fn seed(&self) -> Option<u64>;
+
     /// A scene that changes: object `k` at half its size on one side, without and with another object on the
     /// other side. Points with distances are there if `is_compared`.
     ///
@@ -98,6 +101,10 @@ impl Source for BuiltInObjects {
         )
     }
 
+    fn seed(&self) -> Option<u64> {
+        Some(self.settings.seed)
+    }
+
     fn added(&self, k: u64, version: Version, is_compared: bool) -> Result<[Scene; 2]> {
         let s = &self.settings;
         let before = Subject::new(s, k)?.on_side(-1.0);
@@ -129,6 +136,10 @@ impl<'a> Pool<'a> {
 
     pub(super) fn record(&self) -> String {
         self.source.record()
+    }
+
+    pub(super) fn seed(&self) -> Option<u64> {
+        self.source.seed()
     }
 
     /// Makes the objects of the blocks of a step that are not there, and forgets the others.

@@ -274,7 +274,7 @@ impl Stage {
         let [side, crop] = self.target;
         if ![64, 128].contains(&side) || !(16..=side).contains(&crop) {
             return refuse(
-                "--crop-side",
+                "crops of targets",
                 "16 to the side of a target, which is 64 or 128",
                 format!("{crop} of {side}"),
             );

@@ -37,6 +37,7 @@ pub struct StoredSet {
     objects: Vec<PathBuf>,
     digest: String,
     seed: u64,
+    is_built_in: bool,
 }
 
 impl StoredSet {
@@ -114,6 +115,7 @@ impl StoredSet {
             objects,
             digest: plain(&record["digest"]).to_owned(),
             seed: settings["seed"].as_u64().unwrap_or_default(),
+            is_built_in: settings["meshes"].as_array().is_none_or(Vec::is_empty),
         })
     }
 
@@ -148,5 +150,9 @@ impl Source for StoredSet {
 
     fn record(&self) -> String {
         format!("{} objects of a set with the digest {}", self.objects.len(), self.digest)
+    }
+
+    fn seed(&self) -> Option<u64> {
+        self.is_built_in.then_some(self.seed)
     }
 }

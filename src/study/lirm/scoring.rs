@@ -143,7 +143,7 @@ impl Experiment for Scoring<'_> {
         let mut record = self.setup.record(&self.setup.models[row.model].model);
         record["row"] = json!([row.names(), row.sets, row.shapes, row.baselines]);
         if row.version.is_under_map() {
-            record["typical"] = json!(training_seed(&self.setup.model().training));
+            record["typical"] = json!(training_seed(&self.setup.model().training).unwrap_or_default());
         }
         record
     }

@@ -158,7 +158,7 @@ impl Setup {
             return Ok(views);
         }
         let mut views = Views::rendered(&settings(SEED, self.size.samples), k, version)?;
-        // No experiment compares it here.
+        // No experiment compares it: the scores of linear values are left out.
         views.all.iter_mut().for_each(|view| view.picture.passes.radiance = None);
         let views = Arc::new(views);
         let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
@@ -169,7 +169,7 @@ impl Setup {
         Ok(views)
     }
 
-    /// Typical materials of training objects.
+    /// Typical materials of training objects; of those of seed 0 for a model that was trained with others.
     ///
     /// # Errors
     /// Those of the rendering.
@@ -178,7 +178,7 @@ impl Setup {
         if let Some(typical) = all.get(&version) {
             return Ok(*typical);
         }
-        let typical = typical_materials(training_seed(&self.model().training), version)?;
+        let typical = typical_materials(training_seed(&self.model().training).unwrap_or_default(), version)?;
         all.insert(version, typical);
         Ok(typical)
     }

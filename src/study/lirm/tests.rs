@@ -24,6 +24,8 @@ fn model(parts: &[usize]) -> NamedModel {
         block: 8,
         uses: None,
         source: "built-in".into(),
+        object_seed: None,
+        other_objects: false,
         rate: None,
         head_rate: None,
         room: None,

@@ -154,7 +154,7 @@ impl Experiment for Variants<'_> {
             self.setup.size.outputs,
             self.setup.size.steps
         ]);
-        record["seeds"] = json!([kind.seed, SEED, REVISION]);
+        record["seeds"] = json!([kind.seed, SEED, REVISION, TRAINING_REVISION]);
         record["lastlight"] = json!(env!("CARGO_PKG_VERSION"));
         record
     }

@@ -20,7 +20,7 @@
 //! Results brighter than white are clamped to 1, as in the original exposure. Where the input image was
 //! already clamped, the original values are not recovered.
 
-use crate::num::elem::f64 as elem;
+use crate::loss::metric::orb::{decode, encode};
 use crate::num::{order, par};
 use crate::{Error, Result};
 
@@ -45,18 +45,32 @@ pub struct Photograph {
 pub struct Gains {
     /// The factor ē/e_v of each view.
     pub views: Vec<f64>,
-    /// The factor g, the same for all views.
+    /// The factor g, the same for all views, and the mean exposure.
+    pub common: Common,
+}
+
+/// The common exposure of the images of an object: what other images of it need to be exposed with the same
+/// bits.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Common {
+    /// Factor from radiance to the linear values of the images, (ē/e₀)·e₀·g.
+    pub factor: f64,
+    /// The mean ē of the exposures.
+    pub mean: f64,
+    /// The factor g.
     pub lift: f64,
 }
 
-/// Converts sRGB-encoded to linear values (IEC 61966-2-1).
-fn decode(x: f64) -> f64 {
-    if x <= 0.040_45 { x / 12.92 } else { elem::pow((x + 0.055) / 1.055, 2.4) }
-}
+impl Common {
+    /// The exposure with a given factor from radiance.
+    pub fn of(factor: f64) -> Self {
+        Self { factor, mean: factor, lift: 1.0 }
+    }
 
-/// Converts linear to sRGB-encoded values.
-fn encode(x: f64) -> f64 {
-    if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * elem::pow(x, 1.0 / 2.4) - 0.055 }
+    /// What the linear values of an image with exposure e are multiplied by.
+    fn gain(&self, e: f64) -> f64 {
+        self.mean / e * self.lift
+    }
 }
 
 /// Converts the input images of one object to a common exposure and brightens dark objects; see the module.
@@ -83,19 +97,22 @@ pub fn equalise(views: &mut [Photograph]) -> Result<Gains> {
         area += a;
     }
     let lift = if area > 0.0 { order::clamp(FOREGROUND * area / light, LIFT[0], LIFT[1]) } else { 1.0 };
-    views.iter_mut().zip(&gains).for_each(|(p, gain)| multiply(p, gain * lift));
-    Ok(Gains { views: gains, lift })
+    let first = views.first().map_or(1.0, |p| p.exposure);
+    let factor = lift * (gains.first().copied().unwrap_or(1.0) * first);
+    let common = Common { factor, mean, lift };
+    views.iter_mut().for_each(|p| multiply(p, common.gain(p.exposure)));
+    Ok(Gains { views: gains, common })
 }
 
-/// Brings images to a given factor from radiance: that of the images of a fit, for others of the same object.
+/// Gives images the exposure of others of the same object, with the bits that they would have among them.
 ///
 /// # Errors
 /// If a value is out of range or the sizes of an image differ; then no image is changed.
-pub fn expose(views: &mut [Photograph], factor: f64) -> Result<()> {
+pub fn expose(views: &mut [Photograph], common: &Common) -> Result<()> {
     for (v, p) in views.iter().enumerate() {
         check(p).map_err(|e| e.within(format!("view {v}")))?;
     }
-    views.iter_mut().for_each(|p| multiply(p, factor / p.exposure));
+    views.iter_mut().for_each(|p| multiply(p, common.gain(p.exposure)));
     Ok(())
 }
 
@@ -154,7 +171,7 @@ mod tests {
         let gains = equalise(&mut views).expect("photographs");
         assert_eq!(gains.views, [4.0, 1.0, 2.0 / 3.5], "mean exposure 2 over each");
         // Mean foreground: (0.1 + 0.5·0.2)/1.5 · 2 = 0.2667, bright enough.
-        assert_eq!(gains.lift, 1.0, "not dark");
+        assert_eq!(gains.common, Common::of(2.0), "not dark");
         for (v, p) in views.iter().enumerate() {
             let got = decode(f64::from(p.color[0][1]));
             assert!((got - 0.2).abs() < 1e-7, "view {v}: radiance 0.1 at exposure 2, got {got}");
@@ -168,7 +185,9 @@ mod tests {
         for (radiance, want) in [(0.03, 2.0), (1e-4, 10.0), (0.0, 10.0), (0.06, 1.0), (0.5, 1.0)] {
             let mut views = [shot(radiance, 1.0)];
             let gains = equalise(&mut views).expect("valid images");
-            assert!((gains.lift - want).abs() < 1e-6, "radiance {radiance}: {}", gains.lift);
+            let lift = gains.common.lift;
+            assert!((lift - want).abs() < 1e-6, "radiance {radiance}: {lift}");
+            assert_eq!(gains.common.factor, lift, "times the own exposure");
             assert_eq!(gains.views, [1.0], "alone");
             let got = decode(f64::from(views[0].color[0][0]));
             assert!((got - radiance * want).abs() < 1e-6, "radiance {radiance}: {got}");
@@ -177,9 +196,20 @@ mod tests {
         bare.foreground = vec![0.0; 3];
         let before = bare.clone();
         let mut views = [bare];
-        assert_eq!(equalise(&mut views).expect("valid images").lift, 1.0, "no foreground, no factor");
+        assert_eq!(equalise(&mut views).expect("valid images").common.lift, 1.0, "no foreground, no factor");
         assert_eq!(views[0], before, "bit for bit");
-        assert_eq!(equalise(&mut []).expect("none"), Gains { views: vec![], lift: 1.0 }, "nothing to do");
+        assert!(equalise(&mut []).expect("none").views.is_empty(), "nothing to do");
+    }
+
+    #[test]
+    fn an_image_that_comes_later_has_the_bits_that_it_would_have_among_the_others() {
+        let all = || [0.3, 0.7, 1.9, 2.3].map(|e| shot(0.011, e));
+        let mut together = all();
+        let common = equalise(&mut together).expect("photographs").common;
+        assert!(common.lift > 1.5, "dark: {}", common.lift);
+        let mut later = all();
+        expose(&mut later[2..], &common).expect("photographs");
+        assert_eq!(later[2..], together[2..]);
     }
 
     #[test]

@@ -25,9 +25,13 @@
 //! [`Recorder::finish`] collects the records in `transforms*.json` and removes them. The bytes depend neither
 //! on the number of threads nor on interruptions.
 
+mod pass_set;
+
+pub use pass_set::PassSet;
+
 use super::frames;
 use crate::io::capture::Split;
-use crate::io::{atomic, image_file};
+use crate::io::{self, atomic, image_file};
 use crate::num::bits::Digest;
 use crate::scene::camera::Camera;
 use crate::scene::passes::PassImages;
@@ -78,65 +82,6 @@ pub struct Style {
     pub transparent: bool,
     /// What is written in addition to photo and foreground.
     pub passes: PassSet,
-}
-
-/// Images that are written in addition to photo and foreground.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct PassSet([bool; 5]);
-
-impl PassSet {
-    /// Names of the passes, in the order in which they are written.
-    pub const NAMES: [&str; 5] = ["radiance", "depth", "normal", "albedo", "material"];
-    /// Only photo and foreground.
-    pub const NONE: Self = Self([false; 5]);
-    /// Every pass.
-    pub const ALL: Self = Self([true; 5]);
-
-    /// The passes of these names; `all` is every pass, `photo` adds none.
-    ///
-    /// # Errors
-    /// When a name is unknown.
-    pub fn parse<T: AsRef<str>>(names: &[T]) -> Result<Self> {
-        let mut set = Self::NONE;
-        for name in names.iter().map(AsRef::as_ref) {
-            match Self::NAMES.iter().position(|n| *n == name) {
-                Some(at) => set.0[at] = true,
-                None if name == "all" => set = Self::ALL,
-                None if name == "photo" => {}
-                None => {
-                    let known = Self::NAMES.join(", ");
-                    return Err(Error::input("--passes")
-                        .expected(format!("photo, {known} or all"))
-                        .got(name));
-                }
-            }
-        }
-        Ok(set)
-    }
-
-    /// Whether the pass of that name is written.
-    pub fn has(self, name: &str) -> bool {
-        Self::NAMES.iter().position(|n| *n == name).is_some_and(|at| self.0[at])
-    }
-
-    /// Whether no pass is written.
-    pub fn is_empty(self) -> bool {
-        self == Self::NONE
-    }
-
-    /// The names of the passes.
-    pub fn names(self) -> Vec<&'static str> {
-        Self::NAMES.into_iter().filter(|name| self.has(name)).collect()
-    }
-
-    /// As part of a record: `true` for all, `false` for none, else the names.
-    pub fn record(self) -> Value {
-        match self {
-            Self::ALL => json!(true),
-            Self::NONE => json!(false),
-            some => json!(some.names()),
-        }
-    }
 }
 
 /// An image in memory as a reader of its files gets it: the 8-bit photo, made from `signal` if there is one ([`Recorder::put_with`]), and
@@ -285,7 +230,8 @@ impl Recorder {
         let Some(frame) = self.frame(&shot.name)? else { return Ok(false) };
         let Some(digests) = frame.get("digests").and_then(Value::as_object) else { return Ok(false) };
         let whole = |(file, digest): (&String, &Value)| {
-            std::fs::read(self.dir.join(file)).is_ok_and(|bytes| digest.as_str() == Some(&*hex(&bytes)))
+            std::fs::read(self.dir.join(file))
+                .is_ok_and(|bytes| digest.as_str() == Some(&*io::digest(&bytes)))
         };
         Ok(!digests.is_empty() && digests.iter().all(whole))
     }
@@ -342,7 +288,7 @@ impl Recorder {
             let folder = path.parent().unwrap_or(&self.dir);
             std::fs::create_dir_all(folder).map_err(|e| Error::os(folder, &e))?;
             atomic::write_unflushed(&path, &bytes)?;
-            digests.insert(file.clone(), json!(hex(&bytes)));
+            digests.insert(file.clone(), json!(io::digest(&bytes)));
             frame[key] = json!(file);
         }
         frame["exposure"] = json!(f64::from(style.exposure));
@@ -542,12 +488,6 @@ fn file_of(split: Split) -> &'static str {
 fn straight(color: &[[f32; 3]], alpha: &[f32]) -> Vec<[f32; 3]> {
     let unmix = |(c, &a): (&[f32; 3], &f32)| if a > 0.0 { c.map(|x| x / a) } else { [0.0; 3] };
     color.iter().zip(alpha).map(unmix).collect()
-}
-
-fn hex(bytes: &[u8]) -> String {
-    let mut d = Digest::new();
-    d.bytes(bytes);
-    format!("{:016x}", d.value())
 }
 
 pub(super) fn read_json(path: &Path) -> Result<Value> {

@@ -305,7 +305,7 @@ fn restore(fit: &mut dyn Fit, arrays: &Arrays, meta: &BTreeMap<String, String>) 
     }
     let stored =
         crate::io::json::parse(text("settings")?.as_bytes(), "metadata").map_err(|e| e.at("settings"))?;
-    // Convert ours to text too: parsing may change the last bit of a number, then in both in the same way.
+    // Ours as text too, as they were stored: a number in single precision has fewer digits there.
     let ours = serde_json::from_str(&fit.settings().to_string()).expect("JSON text of a JSON value");
     same_settings(&stored, &ours)?;
     let loss = arrays.need("history/loss")?.to_f32();

@@ -180,7 +180,7 @@ fn exposures_are_undone_by_the_rule_of_training() {
     let mut compared = 0;
     for (v, (view, radiance)) in views.iter().zip(&radiance).enumerate() {
         for (c, r) in view.color.as_flattened().iter().zip(radiance.as_flattened()) {
-            let (got, want) = (decode(f64::from(*c)), f64::from(*r) * mean * gains.lift);
+            let (got, want) = (decode(f64::from(*c)), f64::from(*r) * mean * gains.common.lift);
             // Eight bits of the photo, and what had been cut in it.
             if want < 0.9 && f64::from(*r) * exposures[v] < 0.99 {
                 assert!(

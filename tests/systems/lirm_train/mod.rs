@@ -50,6 +50,10 @@ impl Source for Kept {
         self.of.record()
     }
 
+    fn seed(&self) -> Option<u64> {
+        self.of.seed()
+    }
+
     fn added(&self, k: u64, version: Version, is_compared: bool) -> lastlight::Result<[Scene; 2]> {
         let mut made = self.added.lock().expect("no panic");
         if let Some(scenes) = made.get(&(k, version, is_compared)) {

@@ -7,7 +7,6 @@ use lastlight::lirm::model::params::first;
 use lastlight::lirm::train::optimizer::Kind;
 use lastlight::lirm::train::stage::Stage;
 use lastlight::lirm::train::{Settings, Training};
-use lastlight::num::array::Arrays;
 use lastlight::num::order;
 use lastlight::num::par::with_threads;
 use std::sync::atomic::AtomicBool;
@@ -241,17 +240,42 @@ fn the_result_can_be_the_mean_over_the_last_steps() {
             .expect("finite");
         assert_eq!(digest(two.params()), digest(averaged.params()), "resumed after {last}");
     }
-    // The mean of another number of steps has begun already, or not yet.
-    let mut one = made(&own);
-    one.stop_after(4).expect("a step");
-    whole(&mut one);
-    let mut state = Arrays::new();
-    one.save(&mut state);
-    let mut two = made(&own);
-    two.load(&state).expect("its weights");
-    let e = two.step(4, &mut ()).expect_err("step 4 is missing").to_string();
-    assert!(e.contains("--until"), "{e}");
-    let e = Training::new(Settings { average_last: 7, ..own.clone() }, TINY, None, &source)
+    // A checkpoint whose mean is over other steps: of a longer part, which goes on, or of none yet.
+    let own = Settings { average_last: 3, ..settings("1a", 9) };
+    for (until, then, fits) in [
+        (4, 9, Ok(())),
+        (4, 6, Err("4, or 7 or more")),
+        (7, 6, Err("7, or 9 or more")),
+        (8, 9, Err("8:")),
+        (9, 5, Err("8 or more")),
+        (9, 8, Err("9:")),
+    ] {
+        let mut one = made(&own);
+        if until < 9 {
+            one.stop_after(until).expect("a step");
+        }
+        let mut history = History::default();
+        let done = Ord::min(until, then);
+        for i in 0..done {
+            let step = one.step(i, &mut ()).expect("finite");
+            history.loss.push(step.loss);
+            history.size.push(2);
+        }
+        save(&one, &history, &path).expect("written");
+        let mut two = made(&own);
+        if then < 9 {
+            two.stop_after(then).expect("a step");
+        }
+        match (resume(&mut two, &path), fits) {
+            (Ok(history), Ok(())) => assert_eq!(history.len(), done),
+            (Err(e), Err(text)) => {
+                let e = e.to_string();
+                assert!(e.contains("--until") && e.contains(text), "{until} to {then}: {e}");
+            }
+            (found, _) => panic!("{until} to {then}: {found:?}"),
+        }
+    }
+    let e = Training::new(Settings { average_last: 10, ..own.clone() }, TINY, None, &source)
         .expect_err("too many");
     assert!(e.to_string().contains("--average-last"), "{e}");
 }

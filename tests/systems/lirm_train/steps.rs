@@ -158,6 +158,7 @@ fn objects_of_a_set_are_those_in_memory() {
     assert_eq!(a.placement, b.placement);
     assert!(stored.object(0, Version::Shiny).is_err(), "the set has no such version");
     assert_eq!(stored.distances(0).expect("its mesh"), of.distances(0).expect("the same"));
+    assert_eq!(stored.seed(), Some(0), "built-in objects");
     let drawn = of.settings();
     assert_eq!((drawn.views, drawn.size, drawn.samples, drawn.seed), (20, 128, 8, 0), "as `lirm gen`");
     // Its files are trained with as objects in memory are, but for the last places of cameras.

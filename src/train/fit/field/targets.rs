@@ -6,7 +6,7 @@
 //! colours (`colored`); its foreground and passes are. Images of a renderer that were exposed one by one get a common exposure
 //! ([`crate::fit::exposure`]).
 
-use crate::fit::exposure::{Photograph, equalise};
+use crate::fit::exposure::{Common, Photograph, equalise, expose as expose_photographs};
 use crate::io::capture::{Capture, Frame, Reading, read_capture_with};
 use crate::io::{image_file, memory};
 use crate::num::{order, par};
@@ -263,17 +263,17 @@ pub fn share(color: [f32; 3], coverage: f32) -> [f32; 3] {
     }
 }
 
-/// Gives all images a common exposure, where they were exposed one by one, and brightens dark objects; returns the factor
-/// from radiance to the images. Where the exposure of an image is not known, all stay as they are: `None`.
+/// Gives all images a common exposure, where they were exposed one by one, and brightens dark objects; returns it. Where
+/// the exposure of an image is not known, all stay as they are: `None`.
 ///
 /// # Errors
 /// When a value is out of its range.
-pub fn expose(pictures: &mut [Picture], given: Option<f64>) -> Result<Option<f64>> {
+pub fn expose(pictures: &mut [Picture], given: Option<Common>) -> Result<Option<Common>> {
     let Some(exposures) = pictures.iter().map(|p| p.passes.exposure).collect::<Option<Vec<f64>>>() else {
         return Ok(None);
     };
-    if exposures.iter().all(|e| *e == 1.0) && given.is_none_or(|g| g == 1.0) {
-        return Ok(Some(1.0));
+    if exposures.iter().all(|e| *e == 1.0) && given.is_none_or(|g| g == Common::of(1.0)) {
+        return Ok(Some(Common::of(1.0)));
     }
     let mut photographs: Vec<Photograph> = pictures
         .iter()
@@ -285,22 +285,19 @@ pub fn expose(pictures: &mut [Picture], given: Option<f64>) -> Result<Option<f64
             Photograph { color, foreground: p.foreground.clone(), exposure: *e }
         })
         .collect();
-    let factor = match given {
-        Some(factor) => {
-            super::super::exposure::expose(&mut photographs, factor)?;
-            factor
+    let common = match given {
+        Some(common) => {
+            expose_photographs(&mut photographs, &common)?;
+            common
         }
-        None => {
-            let gains = equalise(&mut photographs)?;
-            gains.lift * (gains.views.first().copied().unwrap_or(1.0) * exposures[0])
-        }
+        None => equalise(&mut photographs)?.common,
     };
     for (p, lit) in pictures.iter_mut().zip(photographs) {
         // The background stays white.
         let pixels = p.color.as_chunks_mut::<3>().0.iter_mut().zip(lit.color).zip(&p.foreground);
         pixels.filter(|(_, m)| **m > 0.0).for_each(|((x, lit), m)| *x = lit.map(|x| x * m + (1.0 - m)));
     }
-    Ok(Some(factor))
+    Ok(Some(common))
 }
 
 /// Whether a ray of a foreground pixel meets the box of the field; the camera is in its units.
@@ -324,21 +321,18 @@ pub struct Pictures {
     pub views: Views,
     /// The same images with what else the capture has.
     pub pictures: Vec<Picture>,
-    /// Factor from radiance to the linear value of an image.
-    pub exposure: f64,
-    /// Whether the exposures of all images are known, so that they have that common one now.
-    pub is_exposed: bool,
+    /// The exposure that all images have now; `None` where that of one was not known, and all are as they were.
+    pub common: Option<Common>,
     /// Whether the object is known to be in the ball of radius ½ around the origin.
     pub is_unit_ball: bool,
 }
 
 impl Pictures {
-    /// Reads a capture. `exposure` is the factor from radiance to the images that a fit was made with, for held-out images of
-    /// another capture.
+    /// Reads a capture. `exposure` is that of the images that a fit or a state was made with, for more images of the object.
     ///
     /// # Errors
     /// When the capture or an image is bad, or an image has no foreground.
-    pub fn load(path: &Path, options: &Options, exposure: Option<f64>) -> Result<Self> {
+    pub fn load(path: &Path, options: &Options, exposure: Option<Common>) -> Result<Self> {
         let reading = Reading {
             images: options.images.clone(),
             outside: options.outside,
@@ -354,10 +348,13 @@ impl Pictures {
             picture(frame.expect("every view is a frame of the capture"), view, options)
         });
         let mut pictures = read.into_iter().collect::<Result<Vec<_>>>()?;
-        let exposure = expose(&mut pictures, exposure)?;
-        let is_exposed = exposure.is_some();
-        let exposure = exposure.unwrap_or(1.0);
-        Ok(Self { views, pictures, exposure, is_exposed, is_unit_ball: capture.is_unit_ball })
+        let common = expose(&mut pictures, exposure)?;
+        Ok(Self { views, pictures, common, is_unit_ball: capture.is_unit_ball })
+    }
+
+    /// The factor from radiance to the linear value of an image; 1 where it is not known.
+    pub fn exposure(&self) -> f64 {
+        self.common.map_or(1.0, |common| common.factor)
     }
 
     /// Returns the held-out images in the units of a field.
@@ -372,7 +369,7 @@ impl Pictures {
             train: of(&self.views.train),
             test: of(&self.views.test),
             placement,
-            exposure: self.exposure,
+            exposure: self.exposure(),
         }
     }
 }
