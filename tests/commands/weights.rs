@@ -131,13 +131,9 @@ fn first_steps_of_its_stages_have_the_recorded_digests() {
     model.write(&dir.path().join(objects::NAME), Precision::Half).expect("written");
     let rows: Vec<&str> = README.lines().filter(|l| l.starts_with("| first step of ")).collect();
     assert_eq!(rows.len(), NAMES.len(), "one for each stage");
-    for (stage, row) in NAMES.iter().zip(rows) {
-        let words = first_step(stage);
-        let record = json(&words, dir.path());
-        let digest = record["digest"].as_str().expect("a digest");
-        assert!(
-            row.contains(&format!("`{stage}`")) && row.contains(&format!("`{digest}`")),
-            "{digest}: {row}"
-        );
-    }
+    let found = NAMES.iter().map(|stage| {
+        let record = json(&first_step(stage), dir.path());
+        format!("| first step of `{stage}` | `{}` |", record["digest"].as_str().expect("a digest"))
+    });
+    assert_eq!(found.collect::<Vec<_>>(), rows, "the digests of the page");
 }
