@@ -9,6 +9,7 @@ use lastlight::lirm::train::stage::Stage;
 use lastlight::lirm::train::{Settings, Training};
 use lastlight::num::order;
 use lastlight::num::par::with_threads;
+use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
 #[test]
@@ -195,6 +196,17 @@ fn a_stage_goes_on_after_its_first_part() {
     }
 }
 
+/// Writes a checkpoint after some steps.
+fn stopped(training: &mut Training<'_>, steps: usize, path: &Path) {
+    let mut history = History::default();
+    for i in 0..steps {
+        let step = training.step(i, &mut ()).expect("finite");
+        history.loss.push(step.loss);
+        history.size.push(2);
+    }
+    save(training, &history, path).expect("written");
+}
+
 #[test]
 fn the_result_can_be_the_mean_over_the_last_steps() {
     let source = Kept::new();
@@ -226,13 +238,7 @@ fn the_result_can_be_the_mean_over_the_last_steps() {
     // Stopped after every number of steps and resumed, it is the same mean.
     for last in 1..6 {
         let mut one = made(&own);
-        let mut history = History::default();
-        for i in 0..last {
-            let step = one.step(i, &mut ()).expect("finite");
-            history.loss.push(step.loss);
-            history.size.push(2);
-        }
-        save(&one, &history, &path).expect("written");
+        stopped(&mut one, last, &path);
         let mut two = made(&own);
         let mut history = resume(&mut two, &path).expect("its checkpoint");
         let stop = AtomicBool::new(false);
@@ -254,14 +260,8 @@ fn the_result_can_be_the_mean_over_the_last_steps() {
         if until < 9 {
             one.stop_after(until).expect("a step");
         }
-        let mut history = History::default();
         let done = Ord::min(until, then);
-        for i in 0..done {
-            let step = one.step(i, &mut ()).expect("finite");
-            history.loss.push(step.loss);
-            history.size.push(2);
-        }
-        save(&one, &history, &path).expect("written");
+        stopped(&mut one, done, &path);
         let mut two = made(&own);
         if then < 9 {
             two.stop_after(then).expect("a step");
