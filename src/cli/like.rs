@@ -33,8 +33,9 @@ const NOT_TAKEN: [&str; 13] = [
     "version",
 ];
 
-/// Arguments that a resumed run may have otherwise: places of files, whose contents the checkpoint checks, when checkpoints are written, how far it goes, and what changes no bit.
-const MOVABLE: [&str; 5] = ["allow-outside", "checkpoint-every", "chunk", "images", "until"];
+/// Arguments that a resumed run may have otherwise: places of files, whose contents the checkpoint checks, when checkpoints are written, how far it goes, what is made of
+/// its steps, and what changes no bit.
+const MOVABLE: [&str; 6] = ["allow-outside", "checkpoint-every", "chunk", "images", "start-share", "until"];
 
 /// The files of a folder from which `--resume` takes arguments: that which a run writes when it starts, else its record.
 pub(crate) const COMMAND: &str = "command.json";

@@ -181,6 +181,7 @@ const RARE: &[&str] = &[
     "set-size",
     "shape-steps",
     "ssim-weight",
+    "start-share",
     "state-gradient",
     "strict",
     "subject",

@@ -83,9 +83,8 @@ impl Frame {
             }
         }
         // Also of a run that goes on: how far it goes may have changed.
-        if self.keeps_arguments && (start != Start::Resumed || history.len() < fit.iterations()) {
-            let record = json!({ "lastlight": env!("CARGO_PKG_VERSION"), like::ARGUMENTS: cli::kept() });
-            atomic::write_bytes(&self.file(like::COMMAND), format!("{record:#}\n").as_bytes())?;
+        if start != Start::Resumed || history.len() < fit.iterations() {
+            self.keep_arguments()?;
         }
         meter.lap("start");
         let mut watch = Recorder::new(meter, &self.dir);
@@ -94,6 +93,15 @@ impl Frame {
         let film = watch.into_film();
         meter.done();
         Ok((history, film))
+    }
+
+    /// Writes the arguments that `--resume` takes from the folder.
+    fn keep_arguments(&self) -> Result<()> {
+        if !self.keeps_arguments {
+            return Ok(());
+        }
+        let record = json!({ "lastlight": env!("CARGO_PKG_VERSION"), like::ARGUMENTS: cli::kept() });
+        atomic::write_bytes(&self.file(like::COMMAND), format!("{record:#}\n").as_bytes())
     }
 
     /// The outcome of a training that was resumed after its end, if all of its results are there, the `files` of the command among them: nothing is
@@ -126,7 +134,8 @@ impl Frame {
         Some(Outcome { record, page: None, lines, held_out_db: f64::NAN })
     }
 
-    /// Writes `result.json`: what every training records, with the entries of `own` after the digest.
+    /// Writes `result.json`: what every training records, with the entries of `own` after the digest; and the arguments again, which may be
+    /// others than those of the last result.
     ///
     /// # Errors
     /// When it cannot be written.
@@ -156,6 +165,7 @@ impl Frame {
             ("seconds_by_part", Value::Object(by_part)),
         ]);
         let record = Value::Object(joined([before, own, after]));
+        self.keep_arguments()?;
         atomic::write_bytes(&self.file(RESULT), format!("{record:#}\n").as_bytes())?;
         Ok(record)
     }

@@ -136,6 +136,7 @@ fn settings(stage: &str, distances: f32, optimizer: Kind) -> Settings {
         at_once: 2,
         recompute: false,
         average_last: 0,
+        start_share: 0.0,
     }
 }
 

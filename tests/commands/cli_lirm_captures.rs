@@ -199,6 +199,47 @@ fn a_folder_of_colmap_is_read_like_another_capture() {
     assert_eq!(differ, 0, "the same images and cameras, of {} numbers", own.tokens.len());
 }
 
+/// Two sets in one command and in two, whatever is known of the exposures: of a white dome (all 1), under a map (each
+/// its own), of photos (unknown).
+#[test]
+fn a_second_command_has_the_bits_of_one_for_both_sets() {
+    let work = tempfile::tempdir().expect("a folder");
+    let dir = work.path();
+    tiny(dir);
+    runs("lirm gen --views 6 --lighting both --size 64 --samples 1 --texture 32 --out set -q", dir);
+    moved(&dir.join("set/object_00000/uniform"), &dir.join("photos"), 4);
+    let own: Vec<Option<f64>> = frames(&dir.join("set/object_00000/environment"))["frames"]
+        .as_array()
+        .expect("frames")
+        .iter()
+        .map(|frame| frame["exposure"].as_f64())
+        .collect();
+    assert!(own[0].is_some() && own[1..].iter().any(|e| *e != own[0]), "exposed one by one: {own:?}");
+    for (capture, placed) in [
+        ("set/object_00000/uniform", ""),
+        ("set/object_00000/environment", ""),
+        ("photos", "--box 3.425,-3.575,-0.575,6.575,-0.425,2.575"),
+    ] {
+        let made = |command: &str, out: &str| {
+            json(&line(&format!("{command} --model tiny.safetensors --out {out} --force --json -q")), dir)
+        };
+        let both = made(
+            &format!("lirm reconstruct {capture} --inputs 0000,0001,0002,0003 --images-per-set 2 {placed}"),
+            "both",
+        );
+        let first = made(&format!("lirm reconstruct {capture} --inputs 0000,0001 {placed}"), "first");
+        let second = made(&format!("lirm update first {capture} --inputs 0002,0003"), "second");
+        assert_eq!(both["sets"], json!([2, 2]));
+        assert_eq!(second["digest"], both["digest"], "{capture}");
+        assert_ne!(first["digest"], both["digest"], "{capture}: the second set counts");
+        assert_eq!(
+            (&second["exposure"], both["exposure"].is_null()),
+            (&both["exposure"], capture == "photos"),
+            "{capture}"
+        );
+    }
+}
+
 #[test]
 fn sizes_and_lenses_may_differ() {
     let work = tempfile::tempdir().expect("a folder");

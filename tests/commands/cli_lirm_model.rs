@@ -4,6 +4,10 @@ use crate::program::{json, lastlight, refused, stdout};
 use serde_json::Value;
 use std::path::Path;
 
+/// The configuration of a small model.
+const TINY: &str =
+    r#"{"blocks": 1, "width": 16, "heads": 2, "plane_tokens": 2, "embed_tokens": 2, "channels": 4}"#;
+
 fn line(text: &str) -> Vec<&str> {
     text.split_whitespace().collect()
 }
@@ -209,6 +213,66 @@ fn a_model_reads_images_and_more_of_them() {
         dir,
         2,
         &["--first-values"],
+    );
+}
+
+/// A model does not depend on how it was trained, but what it was trained on is no test of it.
+#[test]
+fn a_set_of_other_objects_trains_a_model_too() {
+    let work = tempfile::tempdir().expect("a folder");
+    let dir = work.path();
+    std::fs::write(dir.join("tiny.json"), TINY).expect("written");
+    let tetrahedron = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
+    std::fs::write(dir.join("t.obj"), tetrahedron).expect("written");
+    for (objects, out) in [("--mesh t.obj", "meshes"), ("--seed 3", "own")] {
+        let set = format!("lirm gen {objects} --views 20 --size 128 --samples 1 --texture 32 --out {out} -q");
+        assert!(lastlight(&line(&set), dir).status.success(), "{set}");
+        let train = format!(
+            "lirm train {out} --stage 1a --config tiny.json --iterations 1 --batch 1 --objects-at-once 1 --distances 1 --out of-{out} --json -q"
+        );
+        assert!(json(&line(&train), dir)["digest"].is_string(), "{train}");
+    }
+    let told = |model: &str, seed: u64| {
+        let score = format!(
+            "lirm eval {model} --seed {seed} --objects 1 --sets 1 --samples 1 --ray-samples 8 --no-baselines"
+        );
+        let o = lastlight(&line(&score), dir);
+        assert!(o.status.success(), "{score}");
+        String::from_utf8_lossy(&o.stderr).contains("was trained with objects of seed")
+    };
+    assert!(told("of-own", 3), "the objects of the set");
+    assert!(!told("of-own", 0), "the seed of the draws is not that of the objects");
+    assert!(!told("of-meshes", 0), "no built-in object");
+}
+
+#[test]
+fn a_model_can_keep_a_share_of_the_one_before() {
+    let work = tempfile::tempdir().expect("a folder");
+    let dir = work.path();
+    std::fs::write(dir.join("tiny.json"), TINY).expect("written");
+    let first = "lirm init --config tiny.json --out first.safetensors -q";
+    assert!(lastlight(&line(first), dir).status.success(), "first values");
+    let train =
+        |more: &str| format!("lirm train --stage 1b --iterations 1 --batch 1 --objects-at-once 1 {more}");
+    let made = |more: &str| json(&line(&train(&format!("--from first.safetensors --json -q {more}"))), dir);
+    let (trained, mixed) = (made("--out a"), made("--start-share 0.5 --out b"));
+    assert_ne!(trained["digest"], mixed["digest"]);
+    assert_eq!(
+        (&trained["settings"]["start_share"], &mixed["settings"]["start_share"]),
+        (&Value::Null, &0.5.into())
+    );
+    let again = json(&line("lirm train --resume --start-share 0.5 --out a --json -q"), dir);
+    assert_eq!(again["digest"], mixed["digest"], "the same steps");
+    let kept = json(&line("lirm train --resume --out a --json -q"), dir);
+    assert_eq!(kept["digest"], mixed["digest"], "the share of the last command");
+    let [a, b] = ["a", "b"].map(|of| std::fs::read(dir.join(of).join("model.safetensors")).expect("a model"));
+    assert!(a == b, "the same file");
+    refused(&line(&train("--start-share 0.5 --out c")), dir, 2, &["--from"]);
+    refused(
+        &line(&train("--from first.safetensors --start-share 1 --out c")),
+        dir,
+        2,
+        &["--start-share", "below 1"],
     );
 }
 

@@ -113,6 +113,10 @@ pub(crate) struct Args {
     /// The model is the mean of the weights over this many last steps [default: the weights after the last step]
     #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
     average_last: u32,
+    /// Share of the weights of --from in the model, the rest are the trained ones: less of what the stage teaches, and of what it takes away. Changes
+    /// no step: with --resume, a training that has ended is written with another share
+    #[arg(long, value_name = "X", default_value_t = 0.0)]
+    start_share: f64,
     /// Learning rate after the warm-up; the final rate is scaled by the same factor [default: that of the stage]
     #[arg(long, value_name = "X")]
     rate: Option<f64>,
@@ -186,6 +190,7 @@ impl Args {
             at_once: usize::from(self.gradients_at_once.unwrap_or(self.batch)),
             recompute: self.recompute,
             average_last: self.average_last as usize,
+            start_share: self.start_share,
         })
     }
 }
@@ -256,6 +261,10 @@ pub(super) fn run(args: &Args) -> Result<()> {
             .expected("no --field-axes or --first-values together with it: they belong to first values")
             .got("both"));
     }
+    if args.start_share > 0.0 && args.from.is_none() {
+        let got = args.start_share.to_string();
+        return Err(Error::input("--start-share").expected("0 without --from").got(got));
+    }
     let before = args.from.as_deref().map(Model::read).transpose()?;
     let config = match &before {
         Some(model) => model.config,
@@ -308,10 +317,12 @@ fn publish(
     meter: &mut Meter,
 ) -> Result<()> {
     parts.push(training.part());
-    let model =
-        Model { config: *training.config(), params: training.params().clone(), training: parts }.halved();
+    let model = Model { config: *training.config(), params: training.result(), training: parts }.halved();
     let digest = digest(&model.params);
-    let settings = training.settings();
+    let mut settings = training.settings();
+    if args.start_share > 0.0 {
+        settings["start_share"] = json!(args.start_share);
+    }
     if let Some(outcome) = frame.finished(&digest, &settings, history, &[FILE]) {
         return outcome.publish(&frame.dir);
     }

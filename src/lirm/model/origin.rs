@@ -87,6 +87,9 @@ pub struct Part {
     /// Steps at the end over which the weights were averaged, at most those of the part.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub average_last: usize,
+    /// Share of the weights that it began with in its result, where it has one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub start_share: Option<f64>,
     /// 1/β in the last step.
     pub inverse_beta: f32,
     /// Digest of the weights that it began with.
@@ -208,6 +211,7 @@ mod tests {
             material: Some(10.0),
             normal_weight: Some(0.0),
             average_last: 0,
+            start_share: None,
             inverse_beta,
             start: "0123".to_owned(),
         }

@@ -30,7 +30,9 @@
 //!
 //! While the rate is high, weights swing around better ones. [`Settings::average_last`] makes the result the
 //! mean of the weights after each of the last steps (stochastic weight averaging, Izmailov et al. 2018): mₖ =
-//! mₖ₋₁ + (wₖ − mₖ₋₁)/k in single precision. The steps themselves do not change.
+//! mₖ₋₁ + (wₖ − mₖ₋₁)/k in single precision. A stage that teaches something new takes something away;
+//! [`Settings::start_share`] makes the result a mean with the weights w₀ that it began with, α·w₀ + (1 − α)·m in
+//! double precision, rounded once (Wortsman et al. 2022). Neither changes a step.
 //!
 //! Every draw is a function of seed, step and place in the batch, and objects are made by index, so a
 //! training that is resumed has the bits of one that was not interrupted. Neither threads nor `at_once` nor
@@ -104,7 +106,9 @@ pub struct Training<'a> {
     pool: Pool<'a>,
     /// Objects of another seed, for people who watch.
     shown: Vec<PreviewObject>,
-    /// Digest of the weights that the stage began with.
+    /// The weights that it began with, if they have a share of the result.
+    begun: Option<Params>,
+    /// Their digest.
     start: String,
 }
 
@@ -125,6 +129,10 @@ impl<'a> Training<'a> {
         if settings.average_last > settings.stage.steps {
             let got = settings.average_last.to_string();
             return Err(Error::input("--average-last").expected("at most the steps of the stage").got(got));
+        }
+        if !(0.0..1.0).contains(&settings.start_share) {
+            let got = settings.start_share.to_string();
+            return Err(Error::input("--start-share").expected("0 or more, below 1").got(got));
         }
         if !(settings.head_rate > 0.0 && settings.head_rate <= 1e3) {
             let got = settings.head_rate.to_string();
@@ -166,6 +174,7 @@ impl<'a> Training<'a> {
         let start = digest(&begun);
         Ok(Self {
             range: [0, settings.stage.steps],
+            begun: (settings.start_share > 0.0).then(|| begun.clone()),
             settings,
             config,
             params: begun,
@@ -273,6 +282,7 @@ impl<'a> Training<'a> {
             material: Some(s.stage.material).filter(|x| *x != 1.0),
             normal_weight: Some(s.stage.normal_weight).filter(|x| *x != 1.0),
             average_last: self.range[1] - self.first_averaged(),
+            start_share: Some(s.start_share).filter(|x| *x > 0.0),
             inverse_beta: s.stage.rendering(self.range[1].saturating_sub(1)).inverse_beta,
             start: self.start.clone(),
         }
@@ -303,6 +313,18 @@ impl<'a> Training<'a> {
     /// The weights after the last step, or their mean over the last steps.
     pub fn params(&self) -> &Params {
         self.mean.as_ref().unwrap_or(&self.params)
+    }
+
+    /// The weights of the result: [`Self::params`], or the mean of them and those that it began with.
+    pub fn result(&self) -> Params {
+        let (share, mut all) = (self.settings.start_share, self.params().clone());
+        for (name, begun) in self.begun.iter().flat_map(Params::iter) {
+            let trained = all.get_mut(name).expect("both have the same arrays");
+            trained.zip_mut_with(begun, |w, begun| {
+                *w = (share * f64::from(*begun) + (1.0 - share) * f64::from(*w)) as f32;
+            });
+        }
+        all
     }
 
     /// The step of the stage whose weights are the first ones of the mean.

@@ -30,6 +30,8 @@ pub struct Settings {
     pub recompute: bool,
     /// Steps at the end over which the weights of the result are averaged; 0 takes the last ones.
     pub average_last: usize,
+    /// Share of the weights that the stage, or this part of it, began with in the result; 0 takes the trained ones. Changes no step.
+    pub start_share: f64,
 }
 
 /// Bytes of an object in memory: twenty images of 128² pixels with their passes, and the points with
@@ -37,15 +39,15 @@ pub struct Settings {
 const OBJECT_BYTES: usize = 23 << 20;
 
 impl Settings {
-    /// Returns the bytes that a training needs, about: the objects that are in memory; weights, their mean,
-    /// moments and gradients; what the blocks save for the largest sets of images, twelve arrays of all
+    /// Returns the bytes that a training needs, about: the objects that are in memory; weights, their mean
+    /// and those of the start, moments and gradients; what the blocks save for the largest sets of images, twelve arrays of all
     /// tokens per block, for all sets of an object where gradients flow through the state.
     pub fn memory(&self, config: &Config) -> u64 {
         let whole = Config { is_whole: self.stage.is_whole || config.is_whole, ..*config };
         let at_once = Ord::min(self.at_once, self.batch);
-        let mean = usize::from(self.average_last > 0);
+        let means = usize::from(self.average_last > 0) + usize::from(self.start_share > 0.0);
         // The gradients of a set, and the sums over those before it.
-        let weights = count(&whole) * (5 + mean + 2 * at_once);
+        let weights = count(&whole) * (5 + means + 2 * at_once);
         let tokens = whole.state_tokens() + self.stage.images[1] * INPUT_TOKENS;
         let sets = if self.stage.state_gradient { self.stage.sets[1] } else { 1 };
         let kept = if self.recompute { 12 + sets * whole.blocks } else { sets * 12 * whole.blocks };
@@ -90,6 +92,7 @@ mod tests {
                 at_once: 1,
                 recompute: false,
                 average_last: 0,
+                start_share: 0.0,
             };
             let draws = Draws { seed: 0, stage: &stage, batch, block, uses };
             let of = |step: usize| draws.objects(step).into_iter().collect::<BTreeSet<u64>>().len() / block;
@@ -113,6 +116,7 @@ mod tests {
                 at_once: 1,
                 recompute,
                 average_last: 0,
+                start_share: 0.0,
             };
             settings.memory(&Config::SMALL)
         };
@@ -138,6 +142,7 @@ mod tests {
                 at_once: 8,
                 recompute: false,
                 average_last: 0,
+                start_share: 0.0,
             };
             settings.memory(&Config::SMALL)
         };

@@ -34,6 +34,7 @@ fn gradients_of_three_sets_are_difference_quotients_with_a_detached_state_and_th
         at_once: 1,
         recompute: false,
         average_last: 0,
+        start_share: 0.0,
     };
     let source = BuiltInObjects::new(0);
     let mut usual = Training::new(settings(false, false), TINY, None, &source).expect("valid");

@@ -41,6 +41,7 @@ fn model(parts: &[usize]) -> NamedModel {
         state_gradient: false,
         last_set_only: false,
         average_last: 0,
+        start_share: None,
         inverse_beta: 60.0,
         start: String::new(),
     };

@@ -123,6 +123,7 @@ impl Variants<'_> {
             at_once: batch,
             recompute: false,
             average_last: steps / 10,
+            start_share: 0.0,
         })
     }
 }

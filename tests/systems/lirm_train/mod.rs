@@ -82,6 +82,7 @@ fn settings(stage: &str, steps: usize) -> Settings {
         at_once: 2,
         recompute: false,
         average_last: 0,
+        start_share: 0.0,
     }
 }
 

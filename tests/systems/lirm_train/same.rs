@@ -9,13 +9,14 @@ use lastlight::lirm::train::stage::Stage;
 use lastlight::lirm::train::{Settings, Training};
 use lastlight::num::order;
 use lastlight::num::par::with_threads;
+use lastlight::tape::Params;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
 #[test]
 fn every_kind_of_stage_has_one_digest() {
     let source = Kept::new();
-    // Few samples: there are eighty-nine trainings.
+    // Few samples: there are ninety-six trainings.
     let settings = |name: &str, steps: usize| {
         let own = settings(name, steps);
         Settings { stage: Stage { samples: 8, ..own.stage }, ..own }
@@ -37,7 +38,9 @@ fn every_kind_of_stage_has_one_digest() {
     // Objects of one to three sets.
     let own = settings("2a", 5);
     let through = Settings { stage: Stage { state_gradient: true, ..own.stage.clone() }, ..own.clone() };
-    let last = Settings { stage: Stage { last_set_only: true, ..own.stage.clone() }, ..own };
+    let last = Settings { stage: Stage { last_set_only: true, ..own.stage.clone() }, ..own.clone() };
+    let included = Stage { absolute_albedo: true, ..own.stage.clone().with_updates().with_distances(10.0) };
+    let included = Settings { stage: included, optimizer: Kind::Muon, head_rate: 8.0, uses: 3, ..own };
     let kinds = [
         ("1a", settings("1a", 5)),
         ("1a with surface points", compared(10.0, 0.0)),
@@ -48,6 +51,7 @@ fn every_kind_of_stage_has_one_digest() {
         ("1b with objects that are added", changed),
         ("2a with gradients through the state", through),
         ("2a with the last set alone", last),
+        ("2a with the options of the included weights", included),
         ("1a, averaged over three steps", Settings { average_last: 3, ..settings("1a", 5) }),
         ("2a", settings("2a", 5)),
         ("3", settings("3", 5)),
@@ -68,7 +72,7 @@ fn every_kind_of_stage_has_one_digest() {
     all.push(of(Settings { seed: 1, ..settings("1a", 5) }));
     all.sort();
     all.dedup();
-    assert_eq!(all.len(), 13, "each kind has other weights, and so have other draws");
+    assert_eq!(all.len(), 14, "each kind has other weights, and so have other draws");
 }
 
 #[test]
@@ -278,4 +282,37 @@ fn the_result_can_be_the_mean_over_the_last_steps() {
     let e = Training::new(Settings { average_last: 10, ..own.clone() }, TINY, None, &source)
         .expect_err("too many");
     assert!(e.to_string().contains("--average-last"), "{e}");
+}
+
+#[test]
+fn the_result_can_keep_a_share_of_the_start() {
+    let source = Kept::new();
+    let dir = tempfile::tempdir().expect("a folder");
+    let path = dir.path().join("checkpoint");
+    let begun = first(&TINY, 0);
+    let made = |share| {
+        let own = Settings { start_share: share, average_last: 2, ..settings("1b", 3) };
+        Training::new(own, TINY, Some(&begun), &source)
+    };
+    let (mut trained, mut mixed) = (made(0.0).expect("valid"), made(0.25).expect("valid"));
+    stopped(&mut trained, 3, &path);
+    whole(&mut mixed);
+    assert_eq!(mixed.params(), trained.params(), "the steps do not change");
+    assert_eq!(&trained.result(), trained.params());
+    let result = mixed.result();
+    for (name, found) in result.iter() {
+        let of = |all: &Params| all.get(name).expect("an array").clone();
+        for ((x, w0), w) in found.iter().zip(&of(&begun)).zip(&of(trained.params())) {
+            assert_eq!(*x, (0.25 * f64::from(*w0) + 0.75 * f64::from(*w)) as f32, "{name}");
+        }
+    }
+    assert_eq!((mixed.part().start_share, trained.part().start_share), (Some(0.25), None));
+    // A training that has ended has another share without a further step.
+    let mut again = made(0.25).expect("valid");
+    resume(&mut again, &path).expect("the checkpoint of the one without a share");
+    assert_eq!(again.result(), result);
+    for share in [-0.1, 1.0, f64::NAN] {
+        let e = made(share).map(|_| ()).expect_err("no share").to_string();
+        assert!(e.contains("--start-share"), "{e}");
+    }
 }
