@@ -1,6 +1,6 @@
 //! `lirm` on captures of any kind, with a model of a configuration file: other scales, sizes and lenses, and what is refused.
 
-use crate::program::{json, lastlight, refused, stderr};
+use crate::program::{TINY, json, lastlight, refused, stderr};
 use lastlight::fit::exposure::Common;
 use lastlight::io::image_file::{self, Picture, Samples};
 use lastlight::io::safetensors::Precision;
@@ -20,9 +20,7 @@ fn runs(text: &str, dir: &Path) {
 
 /// A file with the configuration of a small model, and the model.
 fn tiny(dir: &Path) {
-    let sizes =
-        json!({ "blocks": 1, "width": 16, "heads": 2, "plane_tokens": 2, "embed_tokens": 2, "channels": 4 });
-    std::fs::write(dir.join("tiny.json"), sizes.to_string()).expect("written");
+    std::fs::write(dir.join("tiny.json"), TINY).expect("written");
     runs("lirm init --whole --config tiny.json --out tiny.safetensors -q", dir);
 }
 

@@ -1,12 +1,8 @@
 //! `lirm train`, `reconstruct`, `update` and `eval` on the command line: a step of training, a field from it, what is refused.
 
-use crate::program::{json, lastlight, refused, stdout};
+use crate::program::{TINY, json, lastlight, refused, stdout};
 use serde_json::Value;
 use std::path::Path;
-
-/// The configuration of a small model.
-const TINY: &str =
-    r#"{"blocks": 1, "width": 16, "heads": 2, "plane_tokens": 2, "embed_tokens": 2, "channels": 4}"#;
 
 fn line(text: &str) -> Vec<&str> {
     text.split_whitespace().collect()
@@ -216,7 +212,7 @@ fn a_model_reads_images_and_more_of_them() {
     );
 }
 
-/// A model does not depend on how it was trained, but what it was trained on is no test of it.
+/// Objects of a folder, built-in ones of another seed and other models: which scores are of objects that the model has seen.
 #[test]
 fn a_set_of_other_objects_trains_a_model_too() {
     let work = tempfile::tempdir().expect("a folder");

@@ -4,6 +4,10 @@ use serde_json::Value;
 use std::path::Path;
 use std::process::{Command, Output};
 
+/// The configuration of a small model of LIRM.
+pub(crate) const TINY: &str =
+    r#"{"blocks": 1, "width": 16, "heads": 2, "plane_tokens": 2, "embed_tokens": 2, "channels": 4}"#;
+
 /// Runs the program in a folder.
 pub(crate) fn lastlight(args: &[&str], dir: &Path) -> Output {
     Command::new(env!("CARGO_BIN_EXE_lastlight"))

@@ -30,7 +30,8 @@ pub struct Settings {
     pub recompute: bool,
     /// Steps at the end over which the weights of the result are averaged; 0 takes the last ones.
     pub average_last: usize,
-    /// Share of the weights that the stage, or this part of it, began with in the result; 0 takes the trained ones. Changes no step.
+    /// Share of the weights that the stage, or this part of it, began with in the result; 0 takes the trained
+    /// ones. Changes no step.
     pub start_share: f64,
 }
 
@@ -40,8 +41,8 @@ const OBJECT_BYTES: usize = 23 << 20;
 
 impl Settings {
     /// Returns the bytes that a training needs, about: the objects that are in memory; weights, their mean
-    /// and those of the start, moments and gradients; what the blocks save for the largest sets of images, twelve arrays of all
-    /// tokens per block, for all sets of an object where gradients flow through the state.
+    /// and those of the start, moments and gradients; what the blocks save for the largest sets of images,
+    /// twelve arrays of all tokens per block, for all sets of an object where gradients flow through the state.
     pub fn memory(&self, config: &Config) -> u64 {
         let whole = Config { is_whole: self.stage.is_whole || config.is_whole, ..*config };
         let at_once = Ord::min(self.at_once, self.batch);
