@@ -15,8 +15,8 @@
 //! and the rule `residual` are choices of this project. First values are those of a model, which has two sets of them. In the published
 //! ones all weights are small random numbers, and the tokens are small at first; with `residual`, W₂ and b₂ are 0, and the tokens are P in
 //! every round until training makes use of the state. In the scaled ones of `residual`, W₁ and W₂ have 0 and ±1 such that u is every second
-//! channel of S (GELU(x) − GELU(−x) = x), and 0 in the others. The state is not differentiated in training (its gradient is not requested),
-//! so a step needs the memory of one round.
+//! channel of S (GELU(x) − GELU(−x) = x), and 0 in the others. A training that detaches the state (the default) does not request its
+//! gradient, and a step then needs the memory of one round.
 //!
 //! # Rounding
 //! Rows [S P] are written once; then [`super::linear`], [`super::gelu`], [`super::linear`]. With `residual`, P is added last.

@@ -13,6 +13,7 @@
 //! tokens x, weights ── block ──► tokens y     layernorm, attention, linear and gelu with two residual sums
 //! rows x ──── layernorm ──────► rows y        mean 0, variance 1, gain and bias
 //! values x ── gelu ───────────► values y      elementwise
+//! values x ── softplus ───────► values y      elementwise
 //! directions, lengths ── weight_norm ► matrix
 //! images, rays, photos ─ tokens ► tokens    one token per square of pixels, over conv and layernorm
 //! last and learned tokens ─── fuse ► tokens    two linear layers with GELU between them
