@@ -278,6 +278,7 @@ fn scores_stand_beside_baselines() {
     let dir = work.path();
     made(dir);
     let scores = json(&line("lirm eval m --objects 1 --samples 1 --ray-samples 16 --json -q"), dir);
+    assert_eq!(scores["seed"], 2, "objects that no training draws and no choice is made by");
     let rounds = scores["rounds"].as_array().expect("rounds");
     assert_eq!(rounds.len(), 4);
     let of = |r: usize, key: &str| rounds[r][key].as_f64().expect("a number");

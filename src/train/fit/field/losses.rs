@@ -303,6 +303,17 @@ mod tests {
     }
 
     #[test]
+    fn a_colour_is_compared_by_four_squares_and_a_fifth_of_what_is_not_alike() {
+        let [values, _, truth] = images();
+        let pair = In { x: &values, y: &truth, mask: None, height: SIZE[0], width: SIZE[1] };
+        let (loss, _) = TERMS.image(&pair).expect("finite");
+        let square = mse::forward(&pair).expect("finite").0;
+        let alike = ssim::forward(&pair).expect("finite").0;
+        let expected = 0.5 * (4.0 * square + 0.2 * (1.0 - alike));
+        assert!((loss - expected).abs() < 1e-6 && 1.0 - alike > 0.5, "{loss} {expected} {alike}");
+    }
+
+    #[test]
     fn albedo_is_compared_up_to_one_factor() {
         let [_, _, truth] = images();
         let opaque = vec![1.0; SIZE[0] * SIZE[1]];
