@@ -99,6 +99,16 @@ pub(crate) struct Head {
     pub(crate) hash: String,
 }
 
+impl Head {
+    /// That of a run which began with this one and ended with `after`: `None` where what decides bits changed meanwhile;
+    /// the commit is `dirty` where it is another one.
+    pub(crate) fn until(&self, after: &Self) -> Option<Self> {
+        let commit = if self.commit == after.commit { &self.commit } else { "dirty" }.to_owned();
+        let is_same = *self == Self { commit: self.commit.clone(), ..after.clone() };
+        is_same.then(|| Self { commit, ..self.clone() })
+    }
+}
+
 /// The commit that is checked out, `dirty` where the tree differs from it; the record itself may.
 pub(crate) fn commit(root: &Path, record: &str) -> Result<String, String> {
     let except = format!(":(exclude){record}");
@@ -248,7 +258,7 @@ mod tests {
     }
 
     #[test]
-    fn a_record_is_of_its_hash_and_its_cells() {
+    fn a_record_is_of_its_hash_and_its_cells_and_of_one_run() {
         let text = |part: &str| part.to_owned();
         let head = Head {
             commit: text("c0"),
@@ -257,6 +267,11 @@ mod tests {
             processor: text("P"),
             hash: text("00ff"),
         };
+        assert_eq!(head.until(&head), Some(head.clone()), "nothing changed");
+        let moved = Head { commit: text("c1"), ..head.clone() };
+        let dirty = Head { commit: text("dirty"), ..head.clone() };
+        assert_eq!(head.until(&moved), Some(dirty), "another commit that decides the same");
+        assert_eq!(head.until(&Head { hash: text("00fe"), ..head.clone() }), None, "another hash");
         let record = print(&head, &["a, 8 lanes", "b"]);
         assert!(record.contains("\ncommit = \"c0\"\ntoolchain = \"rustc 1\"\n"), "{record}");
         assert!(is_of(&record, "00ff", &["b", "a, 8 lanes"]), "what was recorded");
