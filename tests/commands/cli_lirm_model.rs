@@ -42,6 +42,12 @@ fn a_model_reads_images_and_more_of_them() {
     );
     assert_eq!(next["stages"], serde_json::json!(["1a", "2a"]));
     assert_eq!(next["settings"]["whole"], true);
+    let page = std::fs::read_to_string(dir.join("n/report/index.html")).expect("a report");
+    let section = page.split("<section id=\"time\">").nth(1).expect("the time of its parts");
+    let halves = ["transformer", "render and losses", "adjoint of the render", "adjoint of the transformer"];
+    for part in ["objects", "inputs", "optimiser"].iter().chain(&halves) {
+        assert!(section.contains(&format!(">{part}</td>")), "{part}: {section:.2000}");
+    }
     let parts = line(
         "lirm train --stage 1b --iterations 2 --until 1 --batch 1 --objects-at-once 1 --from m --out p --json -q",
     );
