@@ -108,6 +108,9 @@ fn an_object_is_fitted_scored_meshed_and_relit() {
     let made = json(&mesh, dir);
     assert!(made["triangles"].as_u64().expect("a count") > 20, "{made}");
     refused(&mesh[..9], dir, 2, &["o.glb", "does not exist yet", "--force"]);
+    let view = ["mesh", "view", "o.glb", "--size", "8", "--samples", "1", "--out", "v", "--json", "-q"];
+    let view = json(&view, dir);
+    assert_eq!(view["facts"]["closed"], true, "every edge of a fit is in two triangles: {view}");
     let obj =
         ["field", "mesh", "f", "--out", "o.obj", "--side", "24", "--texture", "128", "--smoothing", "0"];
     assert_eq!(code(&lastlight(&obj, dir)), 0, "as OBJ");
@@ -236,6 +239,11 @@ fn images_with_alpha_or_masks_alone_are_fitted_at_any_size() {
     assert_eq!(
         (&learned["settings"]["materials"], &learned["settings"]["light"]),
         (&"shaded".into(), &"learned".into())
+    );
+    let page = std::fs::read_to_string(dir.join("learned/report/index.html")).expect("a report");
+    assert!(
+        page.contains("direct light, no shadows, no light from other surfaces"),
+        "what shading leaves out"
     );
     let light = image_file::read(&dir.join("learned/light.exr")).expect("a map");
     assert_eq!((light.width, light.height), (32, 16), "the learned light");

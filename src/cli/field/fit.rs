@@ -264,7 +264,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         means: &means,
         scored: &scored,
         read: &[],
-        facts: Vec::new(),
+        facts: shading(&record["settings"]),
         benchmark: None,
         run: Run {
             film: Some(&film),
@@ -280,6 +280,13 @@ pub(super) fn run(args: &Args) -> Result<()> {
         format!("next        lastlight field mesh {} --out mesh.glb", frame.dir.display()),
     ];
     Outcome { record, page: Some(made), lines, held_out_db }.publish(&frame.dir)
+}
+
+/// What shading leaves out, where materials are found by it.
+fn shading(settings: &Value) -> Vec<(&'static str, String)> {
+    let is_shaded = settings["materials"] == "shaded";
+    let limits = "direct light, no shadows, no light from other surfaces";
+    is_shaded.then(|| ("shading", limits.to_owned())).into_iter().collect()
 }
 
 /// Held-out renders as `heldout/NAME.png`; gives the names.

@@ -254,6 +254,7 @@ mod tests {
     use super::*;
     use crate::num::elem::f64 as elem;
     use crate::num::rng::Rng;
+    use crate::scene::camera::{Camera, Model};
 
     const SIZE: [usize; 2] = [12, 12];
 
@@ -311,6 +312,91 @@ mod tests {
         let alike = ssim::forward(&pair).expect("finite").0;
         let expected = 0.5 * (4.0 * square + 0.2 * (1.0 - alike));
         assert!((loss - expected).abs() < 1e-6 && 1.0 - alike > 0.5, "{loss} {expected} {alike}");
+    }
+
+    #[test]
+    fn gradients_with_lpips_are_difference_quotients_and_leave_out_what_does_not_count() {
+        let (size, weights) = (24, Weights::by_formula());
+        let n = size * size;
+        let (values, truth) = (numbers(4, 3 * n), numbers(5, 3 * n));
+        let mask: Vec<f32> = (0..n).map(|i| f32::from(u8::from(i % 5 != 0))).collect();
+        let terms = Terms { lpips: Some(&weights), ..TERMS };
+        let value = |v: &[f32]| {
+            let pair = In { x: v, y: &truth, mask: Some(&mask), height: size, width: size };
+            terms.image(&pair).expect("finite")
+        };
+        let (_, bar) = value(&values);
+        let left_out = bar.as_chunks::<3>().0.iter().zip(&mask).filter(|(_, m)| **m == 0.0);
+        assert!(left_out.into_iter().all(|(b, _)| *b == [0.0; 3]), "pixels that do not count");
+        let square = bar.iter().fold(0.0, |s, g| s + f64::from(*g) * f64::from(*g));
+        let moved = |h: f64| {
+            let step = |(x, g): (&f32, &f32)| x + (h * f64::from(*g) / square.sqrt()) as f32;
+            f64::from(value(&values.iter().zip(&bar).map(step).collect::<Vec<_>>()).0)
+        };
+        let slope = (moved(0.003) - moved(-0.003)) / 0.006;
+        assert!((slope / square.sqrt() - 1.0).abs() < 0.02, "{slope} {}", square.sqrt());
+        let without =
+            TERMS.image(&In { x: &values, y: &truth, mask: Some(&mask), height: size, width: size });
+        assert!(without.expect("finite").0 != value(&values).0, "LPIPS instead of structure");
+    }
+
+    #[test]
+    fn the_normal_head_follows_numerical_normals_where_there_is_no_pass() {
+        let n = SIZE[0] * SIZE[1];
+        let (values, opacity) = (numbers(6, 3 * n), numbers(7, n));
+        let pass = numbers(8, 3 * n);
+        // Two rays of three have a surface.
+        let followed: Vec<[f32; 3]> =
+            (0..n).map(|i| if i % 3 == 0 { [0.0; 3] } else { [0.6, 0.0, -0.8] }).collect();
+        let mut target = Target {
+            name: String::new(),
+            camera: Camera {
+                rotation: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+                translation: [0.0, 0.0, 3.0],
+                focal_px: [12.0; 2],
+                center_px: [6.0; 2],
+                width: SIZE[1],
+                height: SIZE[0],
+                model: Model::Pinhole,
+            },
+            color: vec![1.0; 3 * n],
+            foreground: opacity.clone(),
+            kept: None,
+            colored: None,
+            albedo: None,
+            material: None,
+            normal: None,
+            solid: vec![1.0; n],
+            depth: None,
+        };
+        let channels = Channels { color: None, albedo: None, material: None, normal: Some(0) };
+        let crop = Crop { view: 0, corner: [0; 2], size: SIZE };
+        let compared = |target: &Target, followed: Option<&[[f32; 3]]>| {
+            let mut out = Rendered::new(&values, &opacity, channels);
+            let loss = TERMS.add(target, &crop, 0, followed, &mut out).expect("finite");
+            (loss, out.values_bar)
+        };
+        // Of weight ½ over all values: ½ Σ (x − y)² / 3n, whose gradient is (x − y) / 3n.
+        let expected = |y: &[f32], is_compared: &dyn Fn(usize) -> bool| {
+            let of = |i: usize| if is_compared(i / 3) { values[i] - y[i] } else { 0.0 };
+            let all: Vec<f32> = (0..3 * n).map(of).collect();
+            let sum = all.iter().fold(0.0, |s, d| s + d * d);
+            (0.5 * sum / (3 * n) as f32, all.iter().map(|d| d / (3 * n) as f32).collect::<Vec<_>>())
+        };
+        let agree = |found: (f32, Vec<f32>), wanted: (f32, Vec<f32>), what: &str| {
+            let far = found.1.iter().zip(&wanted.1).fold(0.0, |m, (a, b)| order::max(m, (a - b).abs()));
+            assert!(
+                (found.0 - wanted.0).abs() < 1e-5 && far < 1e-6,
+                "{what}: {} {} {far}",
+                found.0,
+                wanted.0
+            );
+        };
+        let numerical = expected(followed.as_flattened(), &|ray| ray % 3 != 0);
+        agree(compared(&target, Some(&followed)), numerical, "no pass");
+        agree(compared(&target, None), (0.0, vec![0.0; 3 * n]), "nothing to follow");
+        target.normal = Some(pass.clone());
+        agree(compared(&target, Some(&followed)), expected(&pass, &|_| true), "a pass");
     }
 
     #[test]
