@@ -44,8 +44,8 @@ fn a_model_reads_images_and_more_of_them() {
     assert_eq!(next["settings"]["whole"], true);
     let page = std::fs::read_to_string(dir.join("n/report/index.html")).expect("a report");
     let section = page.split("<section id=\"time\">").nth(1).expect("the time of its parts");
-    let halves = ["transformer", "render and losses", "adjoint of the render", "adjoint of the transformer"];
-    for part in ["objects", "inputs", "optimiser"].iter().chain(&halves) {
+    let passes = ["transformer", "render and losses", "adjoint of the render", "adjoint of the transformer"];
+    for part in ["objects", "inputs", "optimiser"].iter().chain(&passes) {
         assert!(section.contains(&format!(">{part}</td>")), "{part}: {section:.2000}");
     }
     let parts = line(

@@ -113,7 +113,7 @@ pub(crate) struct Args {
     /// The model is the mean of the weights over this many last steps [default: the weights after the last step]
     #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
     average_last: u32,
-    /// Share of the weights of --from in the model, the rest are the trained ones: less of what the stage teaches, and of what it takes away. Changes
+    /// Share of the weights of --from in the model, the rest are the trained ones: what the stage gains and what it loses both get smaller. Changes
     /// no step: with --resume, a training that has ended is written with another share
     #[arg(long, value_name = "X", default_value_t = 0.0)]
     start_share: f64,

@@ -30,9 +30,9 @@
 //!
 //! While the rate is high, weights swing around better ones. [`Settings::average_last`] makes the result the
 //! mean of the weights after each of the last steps (stochastic weight averaging, Izmailov et al. 2018): mₖ =
-//! mₖ₋₁ + (wₖ − mₖ₋₁)/k in single precision. A stage that teaches something new takes something away;
-//! [`Settings::start_share`] makes the result a mean with the weights w₀ that it began with, α·w₀ + (1 − α)·m in
-//! double precision, rounded once (Wortsman et al. 2022). Neither changes a step.
+//! mₖ₋₁ + (wₖ − mₖ₋₁)/k in single precision. [`Settings::start_share`] makes the result a mean with the
+//! weights w₀ that it began with, α·w₀ + (1 − α)·m in double precision, rounded once (Wortsman et al. 2022).
+//! Neither changes a step.
 //!
 //! Every draw is a function of seed, step and place in the batch, and objects are made by index, so a
 //! training that is resumed has the bits of one that was not interrupted. Neither threads nor `at_once` nor
